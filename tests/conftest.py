@@ -82,9 +82,9 @@ def compiling(pytestconfig):
         patch.setattr(wp.Module, "load", alone.load)
         patch.setattr(header, "KEPT", True)
         patch.setattr(kernel_cache, "PROBE", 4096)
-        patch.setattr(kernel_cache, "_folders", alone.folders)
+        patch.setattr(kernel_cache, "_folders_of_module", alone.folders)
         if pytestconfig.option.markexpr == "not slow" and not wp.is_cuda_available():     # one for all is dearer there
-            patch.setattr(collide, "collide", every_shape.collide_all)
+            patch.setattr(collide, "pair_manifold_kernel", every_shape.collide_all)
             patch.setattr(collide_mesh, "collide_mesh", every_shape.collide_mesh_all)
         patch.setattr("warp._src.codegen.cpu_linear_contiguous_specialization_candidate", lambda adj, block_dim: False,
                       raising=False)

@@ -36,7 +36,7 @@ METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.l
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
        "physics.rigid.joints.authored", "physics.rigid.joints.stacked",
        "physics.rigid.joints.filters.usd",
-       "physics.rigid.joints.instances.usd", "physics.collider.cloud_usd", "physics.fluid.usd",
+       "physics.rigid.joints.instances.usd", "physics.contact.collider.cloud_usd", "physics.fluid.usd",
        "physics.fluid.liquid.usd", "physics.animation.usd",
        "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")                       # of methods
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ONCE, ONE_WORD = 0.314, 0.832          # at least, at most
+ONCE, ONE_WORD = 0.78, 0.29          # at least, at most
 # what files of a method's folder must offer under these names: see wsim/scene/methods.py
 ROLES = ("objects", "check", "initial", "usd", "method", "show")
 ROLE_NAMES = ("check", "load", "author", "author_at", "within", "build", "signature", "triangles")

@@ -7,7 +7,7 @@ import textwrap
 
 import numpy as np
 
-from wsim.usd.names import UNITS, row
+from wsim.usd.names import UNITS, attribute_entry
 
 HEADER = """#usda 1.0
 (
@@ -53,7 +53,7 @@ def said(owner: str, metres: float, **values) -> str:
     """Lines `type name = value  # SI unit` of fields of the table, converted from SI to a stage of that unit."""
     lines = []
     for field, value in values.items():
-        r = row(owner, field)
+        r = attribute_entry(owner, field)
         length, mass = UNITS[r.unit]
         kind = ("uniform " if r.uniform else "") + r.type
         if isinstance(value, (str, bool)):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wsim.fitting.observations.observe import Track
     from wsim.gradient.recording import Recording
     from wsim.physics.animation.objects import Skeleton
-    from wsim.physics.collider.point_cloud import PointCloud
+    from wsim.physics.contact.collider.point_cloud import PointCloud
     from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
     from wsim.physics.fluid.objects import Fluid, Source
     from wsim.physics.rigid.joints.joint import Joint
@@ -61,7 +61,7 @@ _HOME = {
     "Body": "wsim.physics.rigid.objects", "Joint": "wsim.physics.rigid.joints.joint", "Rods": "wsim.physics.rods.objects",
     "Fluid": "wsim.physics.fluid.objects", "Source": "wsim.physics.fluid.objects",
     "Liquid": "wsim.physics.fluid.liquid.objects", "LiquidSource": "wsim.physics.fluid.liquid.objects",
-    "PointCloud": "wsim.physics.collider.point_cloud",
+    "PointCloud": "wsim.physics.contact.collider.point_cloud",
     "Skeleton": "wsim.physics.animation.objects", "Track": "wsim.fitting.observations.observe",
     "Recording": "wsim.gradient.recording",
     "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation.simulation", "fit": "wsim.fitting.fit",

@@ -7,7 +7,7 @@ from wsim.simulation import interrupt
 
 def main() -> int:
     """Exit code of the command that the process was started with."""
-    interrupt.start("leave")
+    interrupt.start_watching_interrupts("leave")
     from wsim.cli import main as command
 
     return command()

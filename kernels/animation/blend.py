@@ -10,16 +10,16 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.animation.skeleton import Joints, between
+from wsim.kernels.animation.skeleton import SkeletonJoints, joint_key_interval
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import conjugate, logarithm, multiply, slerp
+from wsim.kernels.math.rotation import conjugate_rotation, multiply_rotations, rotation_logarithm, slerp
 
 real, quat = wp.float64, wp.quatd
 ANIMATED, NONE = -1, -2
 
 
 @wp.struct
-class Blends:
+class BlendShapeTable:
     first: wp.array(dtype=int)                # knots of shape i, ascending: first[i] .. first[i + 1], (shapes + 1,)
     knot: wp.array(dtype=real)                # [1]
     part: wp.array(dtype=int)                 # of the weights, of each knot; -1 of 0, (knots,)
@@ -34,7 +34,7 @@ class Blends:
 
 
 @wp.func
-def animated(b: Blends, i: int, t: real):
+def keyed_shape_weight(b: BlendShapeTable, i: int, t: real):
     """Weight by keys."""
     low = int(0)
     high = b.time.shape[0]
@@ -54,34 +54,34 @@ def animated(b: Blends, i: int, t: real):
 
 
 @wp.func
-def corrective(joints: Joints, b: Blends, i: int, t: real):
+def corrective_shape_weight(joints: SkeletonJoints, b: BlendShapeTable, i: int, t: real):
     """Weight by the joint that drives the shape."""
     j = b.joint[i]
     q = b.still[i]
     if b.turns[i] != 0:
-        first, last, part = between(joints, joints.skeleton[j], t)
+        first, last, part = joint_key_interval(joints, joints.skeleton[j], t)
         e = joints.entry[j] + first * joints.width[j]
         f = joints.entry[j] + last * joints.width[j]
         q = slerp(joints.turn[e], joints.turn[f], part)
-    angle = wp.length(logarithm(multiply(conjugate(b.target[i]), q)))
+    angle = wp.length(rotation_logarithm(multiply_rotations(conjugate_rotation(b.target[i]), q)))
     s = wp.clamp(real(1.0) - angle / b.width[i], real(0.0), real(1.0))
     return s * s * (real(3.0) - real(2.0) * s)
 
 
 @cache
-def weights(of, module):
+def shape_weight_kernel(of, module):
     """Kernel over (moments, shapes): weights of their parts, (moments, parts), of the precision `of`."""
     t = types(of)
 
-    def weigh_shapes(joints: Joints, b: Blends, start: wp.array(dtype=real), moment: wp.array(dtype=real),
+    def weigh_shapes(joints: SkeletonJoints, b: BlendShapeTable, start: wp.array(dtype=real), moment: wp.array(dtype=real),
                      weight_out: wp.array2d(dtype=t.scalar)):
         k, i = wp.tid()
         at = start[0] + moment[k]
         w = real(0.0)
         if b.joint[i] == ANIMATED:
-            w = animated(b, i, at)
+            w = keyed_shape_weight(b, i, at)
         elif b.joint[i] != NONE:
-            w = corrective(joints, b, i, at)
+            w = corrective_shape_weight(joints, b, i, at)
         first = b.first[i]
         last = b.first[i + 1]
         low = first

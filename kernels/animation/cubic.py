@@ -13,17 +13,17 @@ Exact: value(0) = p, rate(0) = m; value(1) = q to rounding. No float literals: a
 from typing import Any
 
 
-def value(a: Any, b: Any, c: Any, d: Any, s: Any):
+def cubic_piece_value(a: Any, b: Any, c: Any, d: Any, s: Any):
     """a + b s + c s^2 + d s^3, by Horner's rule."""
     return a + s * (b + s * (c + s * d))
 
 
-def rate(b: Any, c: Any, d: Any, s: Any):
-    """Derivative of `value` with respect to s."""
+def cubic_piece_rate(b: Any, c: Any, d: Any, s: Any):
+    """Derivative of `cubic_piece_value` with respect to s."""
     return b + s * (c + c + s * (d + d + d))
 
 
-def hermite(p: Any, q: Any, m: Any, n: Any):
+def hermite_coefficients(p: Any, q: Any, m: Any, n: Any):
     """Coefficients (a, b, c, d) of the piece from p with slope m to q with slope n, slopes per unit of s."""
     way = q - p
     return p, m, way + way + way - m - m - n, m + n - way - way

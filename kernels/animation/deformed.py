@@ -5,14 +5,14 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.project import SUNK
-from wsim.kernels.math.real import present
+from wsim.kernels.math.real import substep_number
 
 
 @wp.func_native("""
     typedef void (*Refit)(wp::uint64);
     ((Refit)function)(mesh);
 """)
-def call(function: wp.uint64, mesh: wp.uint64): ...
+def call_warp_refit(function: wp.uint64, mesh: wp.uint64): ...
 
 
 @wp.func_native("""
@@ -56,33 +56,34 @@ def refit_boxes(mesh: wp.uint64): ...
 
 
 @cache
-def refit(module):
+def mesh_refit_kernel(module):
     """Kernel of one thread, on a CPU, whose graph leaves Warp's refit out. The boxes of a mesh: from the last node to the
     first, as a node stands before those below it. `function` is the address of Warp's refit, which makes what winding numbers
     need too, at four times the cost: where `always` is not 0, or a point asks for them (`deep`, and SUNK in a mark)."""
 
-    def refit(function: wp.uint64, mesh: wp.uint64, always: int, deep: wp.array(dtype=int), mark: wp.array(dtype=int)):
+    def refit_deformed_mesh(function: wp.uint64, mesh: wp.uint64, always: int, deep: wp.array(dtype=int),
+                            mark: wp.array(dtype=int)):
         wound = always | deep[0]
         for i in range(mark.shape[0]):
             wound = wound | (mark[i] & SUNK)
         if wound != 0:
-            call(function, mesh)
+            call_warp_refit(function, mesh)
         else:
             refit_boxes(mesh)
 
-    return wp.kernel(refit, name="refit_mesh", module=module, enable_backward=False)
+    return wp.kernel(refit_deformed_mesh, name="refit_mesh", module=module, enable_backward=False)
 
 
 @cache
-def pose_mesh(module):
+def mesh_pose_kernel(module):
     """Kernel over the points of a deforming mesh: its shape at the end of substep k, and the way there [m]."""
 
-    def pose_mesh(track: wp.array2d(dtype=wp.vec3f), k: int, now: wp.array(dtype=int), point_out: wp.array(dtype=wp.vec3f),
-                  step_out: wp.array(dtype=wp.vec3f)):
+    def pose_deformed_mesh(track: wp.array2d(dtype=wp.vec3f), k: int, now: wp.array(dtype=int),
+                           point_out: wp.array(dtype=wp.vec3f), step_out: wp.array(dtype=wp.vec3f)):
         i = wp.tid()
-        j = present(k, now)
+        j = substep_number(k, now)
         end = track[j + 1, i]
         point_out[i] = end
         step_out[i] = end - track[j, i]
 
-    return wp.kernel(pose_mesh, name="pose_mesh", module=module, enable_backward=False)
+    return wp.kernel(pose_deformed_mesh, name="pose_mesh", module=module, enable_backward=False)

@@ -13,15 +13,15 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.animation.pinned import MORE, fastest
+from wsim.kernels.animation.pinned import MORE, fastest_half_frame_speed
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import matrix, normalized, slerp
+from wsim.kernels.math.rotation import rotation_to_matrix, slerp, unit_quaternion
 
 real, mat33, mat44, vec3, quat = wp.float64, wp.mat33d, wp.mat44d, wp.vec3d, wp.quatd
 
 
 @wp.func
-def frame(A: mat33, p: vec3):
+def affine_matrix(A: mat33, p: vec3):
     """Matrix of a linear part and a place."""
     zero = real(0.0)
     return mat44(A[0, 0], A[0, 1], A[0, 2], p[0], A[1, 0], A[1, 1], A[1, 2], p[1], A[2, 0], A[2, 1], A[2, 2], p[2],
@@ -29,7 +29,7 @@ def frame(A: mat33, p: vec3):
 
 
 @wp.struct
-class Driven:
+class DrivenJoints:
     joint: wp.array(dtype=int)                # among all joints, (driven,)
     skeleton: wp.array(dtype=int)             # (driven,)
     body: wp.array(dtype=int)                 # row of the bodies, (driven,)
@@ -43,57 +43,57 @@ class Driven:
 
 
 @cache
-def bodies(of):
+def body_pose_type(of):
     """Struct of where bodies are: x [m], its remainder, q and its remainder, of the precision `of`."""
     t = types(of)
 
     @wp.struct
-    class Where:
+    class BodyPoses:
         x: wp.array(dtype=t.vec3)
         e: wp.array(dtype=t.vec3)
         q: wp.array(dtype=t.quat)
         o: wp.array(dtype=t.quat)
 
-    return Where
+    return BodyPoses
 
 
 @cache
-def drive(of, module):
+def driven_joint_kernel(of, module):
     """Kernel over (times, driven joints of a level): W. a, b: bodies where the frame begins and where it ends."""
-    Where = bodies(of)
+    Where = body_pose_type(of)
 
     @wp.func
-    def place(at: Where, k: int):
+    def driving_body_place(at: Where, k: int):
         x = at.x[k]
         e = at.e[k]
         return vec3(real(x[0]) + real(e[0]), real(x[1]) + real(e[1]), real(x[2]) + real(e[2]))
 
     @wp.func
-    def turn(at: Where, k: int):
+    def driving_body_turn(at: Where, k: int):
         q = at.q[k]
         o = at.o[k]
-        return normalized(quat(real(q[0]) + real(o[0]), real(q[1]) + real(o[1]), real(q[2]) + real(o[2]),
-                               real(q[3]) + real(o[3])))
+        return unit_quaternion(quat(real(q[0]) + real(o[0]), real(q[1]) + real(o[1]), real(q[2]) + real(o[2]),
+                                    real(q[3]) + real(o[3])))
 
-    def drive_joints(driven: Driven, level: wp.array(dtype=int), a: Where, b: Where, world_out: wp.array2d(dtype=mat44)):
+    def drive_joints(driven: DrivenJoints, level: wp.array(dtype=int), a: Where, b: Where, world_out: wp.array2d(dtype=mat44)):
         k, i = wp.tid()
         j = level[i]
         body = driven.body[j]
         s = driven.part[k]
-        x = place(a, body)
-        x = driven.origin[j] + x + s * (place(b, body) - x)
-        R = matrix(slerp(turn(a, body), turn(b, body), s))
-        Y = frame(R, x)
+        x = driving_body_place(a, body)
+        x = driven.origin[j] + x + s * (driving_body_place(b, body) - x)
+        R = rotation_to_matrix(slerp(driving_body_turn(a, body), driving_body_turn(b, body), s))
+        Y = affine_matrix(R, x)
         own = driven.skeleton[j]
         m = driven.motion[own]
-        back = wp.inverse(frame(driven.A[m, k] * driven.stretch[own], driven.p[m, k]))
+        back = wp.inverse(affine_matrix(driven.A[m, k] * driven.stretch[own], driven.p[m, k]))
         world_out[k, driven.joint[j]] = back * Y * driven.bound[j]
 
     return wp.kernel(drive_joints, name=f"drive_joints_{types(of).name}", module=module, enable_backward=False)
 
 
 @wp.struct
-class Hung:
+class HungPoints:
     corner: wp.array(dtype=wp.vec3i)          # among the skinned points, (places,)
     place: wp.array(dtype=vec3)               # u, v [1], h [m], (places,)
     ends: wp.array(dtype=wp.vec2i)            # places of which a column is the middle, twice one: that one, (columns,)
@@ -111,33 +111,33 @@ def hung_place(of):
     t = types(of)
 
     @wp.func
-    def wide(x: t.vec3):
+    def widened_skin_point(x: t.vec3):
         return vec3(real(x[0]), real(x[1]), real(x[2]))
 
     @wp.func
-    def placed(hung: Hung, x: wp.array2d(dtype=t.vec3), k: int, i: int):
+    def place_on_skin_triangle(hung: HungPoints, x: wp.array2d(dtype=t.vec3), k: int, i: int):
         corner = hung.corner[i]
-        x0 = wide(x[k, corner[0]])
-        x1 = wide(x[k, corner[1]])
-        x2 = wide(x[k, corner[2]])
+        x0 = widened_skin_point(x[k, corner[0]])
+        x1 = widened_skin_point(x[k, corner[1]])
+        x2 = widened_skin_point(x[k, corner[2]])
         p = hung.place[i]
         n = wp.normalize(wp.cross(x1 - x0, x2 - x0))
         local = p[0] * x0 + p[1] * x1 + (real(1.0) - p[0] - p[1]) * x2 + p[2] * n
         return hung.A[hung.motion, k] * local + hung.p[hung.motion, k]
 
-    def middle(hung: Hung, x: wp.array2d(dtype=t.vec3), k: int, i: int):
+    def middle_of_hung_ends(hung: HungPoints, x: wp.array2d(dtype=t.vec3), k: int, i: int):
         ends = hung.ends[i]
-        return real(0.5) * (placed(hung, x, k, ends[0]) + placed(hung, x, k, ends[1]))
+        return real(0.5) * (place_on_skin_triangle(hung, x, k, ends[0]) + place_on_skin_triangle(hung, x, k, ends[1]))
 
-    return wp.func(middle, name=f"hung_place_{t.name}")
+    return wp.func(middle_of_hung_ends, name=f"hung_place_{t.name}")
 
 
 @cache
-def hang(of, out, module):
+def hung_pin_kernel(of, out, module):
     """Kernel over (times, columns of a pin): where its points are put [m], of the precision `out`. of: of skinned points."""
     t, o, middle = types(of), types(out), hung_place(of)
 
-    def hang_pins(hung: Hung, x: wp.array2d(dtype=t.vec3), target_out: wp.array2d(dtype=o.vec3)):
+    def hang_pins(hung: HungPoints, x: wp.array2d(dtype=t.vec3), target_out: wp.array2d(dtype=o.vec3)):
         k, i = wp.tid()
         y = middle(hung, x, k, i) - hung.origin
         target_out[k, hung.first + i] = o.vec3(out(y[0]), out(y[1]), out(y[2]))
@@ -146,14 +146,15 @@ def hang(of, out, module):
 
 
 @cache
-def pull(of, module):
+def hung_pull_kernel(of, module):
     """Kernel over columns of a pin: its greatest speed [m/s], at the last three times (pinned.py)."""
     t, middle = types(of), hung_place(of)
 
-    def pull_hung(hung: Hung, x: wp.array2d(dtype=t.vec3), dt: real, speed_out: wp.array(dtype=real)):
+    def pull_hung(hung: HungPoints, x: wp.array2d(dtype=t.vec3), dt: real, speed_out: wp.array(dtype=real)):
         i = wp.tid()
         k = x.shape[0] - MORE
-        wp.atomic_max(speed_out, hung.pin, fastest(middle(hung, x, k, i), middle(hung, x, k + 1, i), middle(hung, x, k + 2, i),
-                                                   dt))
+        wp.atomic_max(speed_out, hung.pin,
+                      fastest_half_frame_speed(middle(hung, x, k, i), middle(hung, x, k + 1, i), middle(hung, x, k + 2, i),
+                                                                    dt))
 
     return wp.kernel(pull_hung, name=f"pull_hung_{t.name}", module=module, enable_backward=False)

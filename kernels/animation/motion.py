@@ -10,13 +10,13 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.rotation import about_axis
+from wsim.kernels.math.rotation import rotation_about_axis
 
 real, mat33, vec3 = wp.float64, wp.mat33d, wp.vec3d
 
 
 @wp.struct
-class Keys:
+class MotionKeys:
     first: wp.array(dtype=int)                # keys of motion m: first[m] .. first[m + 1], (motions + 1,)
     time: wp.array(dtype=real)                # [s], increasing, (keys,)
     place: wp.array(dtype=vec3)               # T [m], (keys,)
@@ -28,7 +28,7 @@ class Keys:
 
 
 @wp.func
-def segment(keys: Keys, m: int, t: real):
+def key_segment(keys: MotionKeys, m: int, t: real):
     """Key before t, key behind it (the same one outside of the keys) and the fraction of the way between them."""
     low = keys.first[m]
     high = keys.first[m + 1]
@@ -51,29 +51,29 @@ def segment(keys: Keys, m: int, t: real):
 
 
 @wp.func
-def at(keys: Keys, m: int, t: real):
+def interpolate_keyed_motion(keys: MotionKeys, m: int, t: real):
     """R S and T [m] of motion m at time t [s]."""
-    a, b, s = segment(keys, m, t)
+    a, b, s = key_segment(keys, m, t)
     A = mat33()
     p = keys.place[a]
     if a == b:
         A = keys.whole[a]
     else:
         Sa = keys.stretch[a]
-        A = keys.turned[a] * about_axis(keys.axis[a], s * keys.angle[a]) * (Sa + s * (keys.stretch[b] - Sa))
+        A = keys.turned[a] * rotation_about_axis(keys.axis[a], s * keys.angle[a]) * (Sa + s * (keys.stretch[b] - Sa))
         p = p + s * (keys.place[b] - p)
     return A, p
 
 
 @cache
-def sample(module):
+def motion_sample_kernel(module):
     """Kernel over (motions, moments): motions at times start + moment [s]. start: when the frame begins, (1,)."""
 
-    def sample(keys: Keys, start: wp.array(dtype=real), moment: wp.array(dtype=real), A_out: wp.array2d(dtype=mat33),
-               p_out: wp.array2d(dtype=vec3)):
+    def sample_keyed_motions(keys: MotionKeys, start: wp.array(dtype=real), moment: wp.array(dtype=real),
+                             A_out: wp.array2d(dtype=mat33), p_out: wp.array2d(dtype=vec3)):
         m, k = wp.tid()
-        A, p = at(keys, m, start[0] + moment[k])
+        A, p = interpolate_keyed_motion(keys, m, start[0] + moment[k])
         A_out[m, k] = A
         p_out[m, k] = p
 
-    return wp.kernel(sample, name="sample_motion", module=module, enable_backward=False)
+    return wp.kernel(sample_keyed_motions, name="sample_motion", module=module, enable_backward=False)

@@ -1,5 +1,5 @@
-"""Extrapolation: where in its keys a curve is looked up at a time outside of them. `outsides(m, real)` makes the formula for
-the host (m = NumPy) and for the device (m = Warp, to be wrapped by `wp.func`).
+"""Extrapolation: where in its keys a curve is looked up at a time outside of them. `extrapolation_formulas(m, real)` makes the
+formula for the host (m = NumPy) and for the device (m = Warp, to be wrapped by `wp.func`).
 
     HELD       the end                                LINEAR     the end, going on with a slope
     REPEAT     periods on end: each begins where the last one ended
@@ -15,11 +15,11 @@ HELD, LINEAR, REPEAT, RESET, OSCILLATE = range(5)
 NAMES = {"held": HELD, "linear": LINEAR, "repeat": REPEAT, "reset": RESET, "oscillate": OSCILLATE}
 
 
-def outsides(m, real) -> SimpleNamespace:
-    """`inside` (t, first, last, mode) -> (time within first .. last, periods n to add, direction 1 or -1)."""
+def extrapolation_formulas(m, real) -> SimpleNamespace:
+    """`time_inside_keys` (t, first, last, mode) -> (time within first .. last, periods n to add, direction 1 or -1)."""
     zero, one, two = real(0.0), real(1.0), real(2.0)
 
-    def inside(t: Any, first: Any, last: Any, mode: Any):
+    def time_inside_keys(t: Any, first: Any, last: Any, mode: Any):
         period = last - first
         n = m.floor((t - first) / m.where(period > zero, period, one + zero * period))
         r = t - n * period
@@ -28,4 +28,4 @@ def outsides(m, real) -> SimpleNamespace:
         held = m.where(t < first, first, m.where(t > last, last, t))
         return m.where(mode >= REPEAT, looped, held), m.where(mode == REPEAT, n, zero * n), one - two * odd
 
-    return SimpleNamespace(inside=inside)
+    return SimpleNamespace(inside=time_inside_keys)

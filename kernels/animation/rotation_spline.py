@@ -12,28 +12,36 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.eigen import eigen_four
-from wsim.kernels.math.rotation import conjugate, exponential, logarithm, multiply, normalized, rotate, slerp
+from wsim.kernels.math.rotation import (
+    conjugate_rotation,
+    multiply_rotations,
+    rotate_vector,
+    rotation_exponential,
+    rotation_logarithm,
+    slerp,
+    unit_quaternion,
+)
 
 
 @wp.func
-def nlerp(p: Any, q: Any, s: Any):
+def normalized_lerp(p: Any, q: Any, s: Any):
     """From p to q the short way, fraction s; no rotation where they are opposite and s is 1/2."""
     zero = type(s)(0.0)
     sign = type(s)(1.0)
     if p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3] < zero:
         sign = -sign
-    return normalized(type(p)(p[0] + s * (sign * q[0] - p[0]), p[1] + s * (sign * q[1] - p[1]),
-                              p[2] + s * (sign * q[2] - p[2]), p[3] + s * (sign * q[3] - p[3])))
+    return unit_quaternion(type(p)(p[0] + s * (sign * q[0] - p[0]), p[1] + s * (sign * q[1] - p[1]),
+                                   p[2] + s * (sign * q[2] - p[2]), p[3] + s * (sign * q[3] - p[3])))
 
 
 @wp.func
-def squad(q0: Any, a: Any, b: Any, q1: Any, s: Any):
+def squad_rotation(q0: Any, a: Any, b: Any, q1: Any, s: Any):
     """From q0 to q1, inner quaternions a and b, fraction s of the time."""
     return slerp(slerp(q0, q1, s), slerp(a, b, s), type(s)(2.0) * s * (type(s)(1.0) - s))
 
 
 @wp.func
-def right_jacobian(w: Any, v: Any):
+def rotation_right_jacobian(w: Any, v: Any):
     """Rate about own axes of exponential(w), where the rotation vector w [rad] changes by v a second."""
     one = type(w[0])(1.0)
     aa = wp.dot(w, w)
@@ -48,7 +56,7 @@ def right_jacobian(w: Any, v: Any):
 
 
 @wp.func
-def inverse_right_jacobian(w: Any, v: Any):
+def rotation_inverse_jacobian(w: Any, v: Any):
     """Rate of the rotation vector w [rad], |w| < 2 pi, of a rotation that turns by v a second about own axes."""
     one = type(w[0])(1.0)
     half = type(one)(0.5)
@@ -62,24 +70,25 @@ def inverse_right_jacobian(w: Any, v: Any):
 
 
 @wp.func
-def squad_rate(q0: Any, a: Any, b: Any, q1: Any, s: Any):
+def squad_angular_rate(q0: Any, a: Any, b: Any, q1: Any, s: Any):
     """(squad, its angular velocity about own axes [rad a unit of s]), exact."""
     one = type(s)(1.0)
-    u = logarithm(multiply(conjugate(q0), q1))
-    v = logarithm(multiply(conjugate(a), b))
+    u = rotation_logarithm(multiply_rotations(conjugate_rotation(q0), q1))
+    v = rotation_logarithm(multiply_rotations(conjugate_rotation(a), b))
     p = slerp(q0, q1, s)
     r = slerp(a, b, s)
-    E = multiply(conjugate(p), r)
-    w = logarithm(E)
+    E = multiply_rotations(conjugate_rotation(p), r)
+    w = rotation_logarithm(E)
     h = type(s)(2.0) * s * (one - s)
-    dw = inverse_right_jacobian(w, v - rotate(conjugate(E), u))
-    e = exponential(h * w)
+    dw = rotation_inverse_jacobian(w, v - rotate_vector(conjugate_rotation(E), u))
+    e = rotation_exponential(h * w)
     turn = type(q0)(e[0], e[1], e[2], e[3])
-    return multiply(p, turn), rotate(conjugate(turn), u) + right_jacobian(h * w, (type(s)(2.0) - type(s)(4.0) * s) * w + h * dw)
+    return (multiply_rotations(p, turn), rotate_vector(conjugate_rotation(turn), u)
+            + rotation_right_jacobian(h * w, (type(s)(2.0) - type(s)(4.0) * s) * w + h * dw))
 
 
 @wp.func
-def mean(K: Any):
+def mean_rotation(K: Any):
     """Of rotations, by K, the sum of w q q^T (4 x 4): a unit quaternion with w >= 0."""
     D, V = eigen_four(K)
     best = int(0)

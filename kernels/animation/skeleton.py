@@ -13,13 +13,13 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import matrix, slerp
+from wsim.kernels.math.rotation import rotation_to_matrix, slerp
 
 real, mat44, vec3, quat = wp.float64, wp.mat44d, wp.vec3d, wp.quatd
 
 
 @wp.struct
-class Joints:
+class SkeletonJoints:
     parent: wp.array(dtype=int)               # among all joints, -1 of a root, (joints,)
     skeleton: wp.array(dtype=int)             # (joints,)
     animated: wp.array(dtype=int)             # (joints,)
@@ -35,7 +35,7 @@ class Joints:
 
 
 @wp.func
-def between(joints: Joints, s: int, t: real):
+def joint_key_interval(joints: SkeletonJoints, s: int, t: real):
     """Numbers, from the skeleton's first, of the key before t and of the one behind it, and the fraction of the way."""
     low = joints.first[s]
     high = joints.first[s + 1]
@@ -55,23 +55,23 @@ def between(joints: Joints, s: int, t: real):
 
 
 @cache
-def local(module):
+def local_joint_kernel(module):
     """Kernel over (moments, joints): L at times start + moment [s]. start: when the frame begins, (1,)."""
 
-    def local_joints(joints: Joints, start: wp.array(dtype=real), moment: wp.array(dtype=real),
+    def local_joints(joints: SkeletonJoints, start: wp.array(dtype=real), moment: wp.array(dtype=real),
                      world_out: wp.array2d(dtype=mat44)):
         k, j = wp.tid()
         s = joints.skeleton[j]
         L = joints.rest[j]
         if joints.animated[j] != 0:
-            a, b, part = between(joints, s, start[0] + moment[k])
+            a, b, part = joint_key_interval(joints, s, start[0] + moment[k])
             e = joints.entry[j] + a * joints.width[j]
             f = joints.entry[j] + b * joints.width[j]
             T = joints.place[e]
             T = T + part * (joints.place[f] - T)
             z = joints.scale[e]
             z = z + part * (joints.scale[f] - z)
-            R = matrix(slerp(joints.turn[e], joints.turn[f], part))
+            R = rotation_to_matrix(slerp(joints.turn[e], joints.turn[f], part))
             zero = real(0.0)
             L = mat44(R[0, 0] * z[0], R[0, 1] * z[1], R[0, 2] * z[2], T[0],
                       R[1, 0] * z[0], R[1, 1] * z[1], R[1, 2] * z[2], T[1],
@@ -82,10 +82,10 @@ def local(module):
 
 
 @cache
-def compose(module):
+def joint_compose_kernel(module):
     """Kernel over (times, joints of a level): W, from L and W of the level above."""
 
-    def compose_joints(joints: Joints, level: wp.array(dtype=int), world: wp.array2d(dtype=mat44),
+    def compose_joints(joints: SkeletonJoints, level: wp.array(dtype=int), world: wp.array2d(dtype=mat44),
                        world_out: wp.array2d(dtype=mat44)):
         k, i = wp.tid()
         j = level[i]
@@ -95,12 +95,12 @@ def compose(module):
 
 
 @cache
-def bones(of, module):
+def skin_matrix_kernel(of, module):
     """Kernel over (times, joints): the three rows of A, of the precision `of`."""
     t = types(of)
     rows = wp.types.matrix((3, 4), of)
 
-    def skin_joints(joints: Joints, world: wp.array2d(dtype=mat44), A_out: wp.array2d(dtype=rows)):
+    def skin_joints(joints: SkeletonJoints, world: wp.array2d(dtype=mat44), A_out: wp.array2d(dtype=rows)):
         k, j = wp.tid()
         A = world[k, j] * joints.unbind[j]
         found = rows()

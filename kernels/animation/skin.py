@@ -16,46 +16,46 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import quaternion, rotate, rotation
+from wsim.kernels.math.rotation import matrix_to_quaternion, polar_rotation, rotate_vector
 
 UNROLLED = 8           # influences of which the loop is written out
 
 
 @cache
-def skins(real):
+def skin_table_type(real):
     """Table of a mesh."""
     t = types(real)
 
     @wp.struct
-    class Skin:
+    class SkinTable:
         joint: wp.array(dtype=wp.uint16)          # of the influences, (m * points,)
         weight: wp.array(dtype=t.scalar)          # (m * points,)
         influences: int                           # m
         first: int                                # joint of the skeleton among all joints
         stretch: t.mat33                          # of the skeleton, behind all else
 
-    return Skin
+    return SkinTable
 
 
 @cache
-def duals(real):
+def dual_type(real):
     """Table of joints at some times: rotation and translation as a dual quaternion, and the stretch before it."""
     t = types(real)
 
     @wp.struct
-    class Duals:
+    class DualQuaternions:
         turn: wp.array2d(dtype=t.quat)            # q, (times, joints)
         shift: wp.array2d(dtype=t.quat)           # t q / 2
         stretch: wp.array2d(dtype=t.mat33)        # S
 
-    return Duals
+    return DualQuaternions
 
 
 @cache
-def linear(real, out, m: int, stretched: bool, module):
+def linear_blend_kernel(real, out, m: int, stretched: bool, module):
     """Kernel over (times, points): linear blend by m influences (0: as many as the table says), written in `out`."""
     t, o = types(real), types(out)
-    Skin, rows, unrolled = skins(real), wp.types.matrix((3, 4), real), m > 0
+    Skin, rows, unrolled = skin_table_type(real), wp.types.matrix((3, 4), real), m > 0
 
     def blend_linear(skin: Skin, point: wp.array2d(dtype=t.vec3), A: wp.array2d(dtype=rows),
                      x_out: wp.array2d(dtype=o.vec3)):
@@ -79,9 +79,9 @@ def linear(real, out, m: int, stretched: bool, module):
 
 
 @cache
-def parted(real, rigid: bool, module):
+def joint_part_kernel(real, rigid: bool, module):
     """Kernel over (times, joints): dual quaternion and stretch of A. rigid: A is a rotation and a translation."""
-    t, Duals, rows = types(real), duals(real), wp.types.matrix((3, 4), real)
+    t, Duals, rows = types(real), dual_type(real), wp.types.matrix((3, 4), real)
 
     def part_joints(A: wp.array2d(dtype=rows), duals_out: Duals):
         k, j = wp.tid()
@@ -91,14 +91,14 @@ def parted(real, rigid: bool, module):
         q = t.quat(real(0.0), real(0.0), real(0.0), one)
         S = t.mat33(one, real(0.0), real(0.0), real(0.0), one, real(0.0), real(0.0), real(0.0), one)
         if rigid:
-            e = quaternion(F)
+            e = matrix_to_quaternion(F)
             q = t.quat(e[0], e[1], e[2], e[3])
         else:
-            q = rotation(F - S, t.quat(real(0.0), real(0.0), real(0.0), real(0.0)))
+            q = polar_rotation(F - S, t.quat(real(0.0), real(0.0), real(0.0), real(0.0)))
             back = wp.quat_inverse(q)
             X = t.mat33()
             for c in range(3):
-                column = rotate(back, t.vec3(F[0, c], F[1, c], F[2, c]))
+                column = rotate_vector(back, t.vec3(F[0, c], F[1, c], F[2, c]))
                 for r in range(3):
                     X[r, c] = column[r]
             S = X
@@ -110,13 +110,13 @@ def parted(real, rigid: bool, module):
 
 
 @cache
-def dual(real, out, m: int, rigid: bool, stretched: bool, module):
+def dual_blend_kernel(real, out, m: int, rigid: bool, stretched: bool, module):
     """Kernel over (times, points): dual quaternion blend by m influences (0: as many as the table says), of which the first has
     the largest weight, written in `out`."""
-    t, o, Skin, Duals, unrolled = types(real), types(out), skins(real), duals(real), m > 0
+    t, o, Skin, Duals, unrolled = types(real), types(out), skin_table_type(real), dual_type(real), m > 0
 
     @wp.func
-    def more(skin: Skin, joints: Duals, at: wp.vec2i, c: int, n: int, first: t.quat):
+    def signed_influence(skin: Skin, joints: Duals, at: wp.vec2i, c: int, n: int, first: t.quat):
         """Weight of influence c, with the sign that its rotation agrees with the first by, its joint and its rotation."""
         j = skin.first + int(skin.joint[c * n + at[1]])
         w = skin.weight[c * n + at[1]]
@@ -139,14 +139,14 @@ def dual(real, out, m: int, rigid: bool, stretched: bool, module):
             y = w * (joints.stretch[k, j] * p)
         if unrolled:
             for c in range(1, m):
-                sign, w, j, turn = more(skin, joints, wp.vec2i(k, i), c, n, first)
+                sign, w, j, turn = signed_influence(skin, joints, wp.vec2i(k, i), c, n, first)
                 q = q + sign * turn
                 d = d + sign * joints.shift[k, j]
                 if not rigid:
                     y = y + w * (joints.stretch[k, j] * p)
         else:
             for c in range(1, skin.influences):
-                sign, w, j, turn = more(skin, joints, wp.vec2i(k, i), c, n, first)
+                sign, w, j, turn = signed_influence(skin, joints, wp.vec2i(k, i), c, n, first)
                 q = q + sign * turn
                 d = d + sign * joints.shift[k, j]
                 if not rigid:
@@ -165,7 +165,7 @@ def dual(real, out, m: int, rigid: bool, stretched: bool, module):
 
 
 @cache
-def shapes(real, module):
+def blend_shape_kernel(real, module):
     """Kernel over (times, points): bound points and the offsets of blend shapes. first: of each point's offsets, (points + 1,);
     part: number of the weight of each; weight: (times, parts)."""
     t = types(real)
@@ -182,7 +182,7 @@ def shapes(real, module):
 
 
 @cache
-def keys(module):
+def point_key_kernel(module):
     """Kernel over (moments, points): points by keys, straight between them and held outside. start: when the frame begins."""
 
     def blend_keys(time: wp.array(dtype=wp.float64), value: wp.array2d(dtype=wp.vec3f), start: wp.array(dtype=wp.float64),
@@ -209,7 +209,7 @@ def keys(module):
 
 
 @cache
-def extents(module):
+def skin_extent_kernel(module):
     """Kernel over (substeps, points): the greatest distance from `center` at either end of a substep, and the greatest way in
     it [m]. Maxima: the order does not matter; most points only look."""
 
@@ -229,7 +229,7 @@ def extents(module):
 
 
 @cache
-def widen(real, module):
+def skin_ball_kernel(real, module):
     """Kernel over (substeps, rows of a collider): the bounding ball and the stride of a mesh whose points the device has, in
     place of the radius that the host took [m]."""
     t = types(real)

@@ -13,17 +13,17 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.animation.channel import Channels, channels, located
+from wsim.kernels.animation.channel import ChannelTable, channel_functions, locate_in_channel
 from wsim.kernels.animation.outside import LINEAR
-from wsim.kernels.animation.rotation_spline import squad
-from wsim.kernels.math.rotation import about_axis, exponential, matrix, multiply
+from wsim.kernels.animation.rotation_spline import squad_rotation
+from wsim.kernels.math.rotation import multiply_rotations, rotation_about_axis, rotation_exponential, rotation_to_matrix
 
 real, mat33, vec3, quat = wp.float64, wp.mat33d, wp.vec3d, wp.quatd
 CONSTANT, SHIFT, TURN, SCALE, ELEMENTS, KEYED = range(6)
 
 
 @wp.struct
-class Parts:
+class StackParts:
     first: wp.array(dtype=int)                # parts of motion m: first[m] .. first[m + 1], (motions + 1,)
     what: wp.array(dtype=int)                 # (parts,)
     axis: wp.array(dtype=int)
@@ -34,7 +34,7 @@ class Parts:
 
 
 @wp.struct
-class Turns:
+class RotationKeys:
     first: wp.array(dtype=int)                # of the keys of motion by keys j, (keyed + 1,)
     smooth: wp.array(dtype=int)               # 1: squad, (keyed,)
     q: wp.array(dtype=quat)                   # (keys,)
@@ -47,17 +47,17 @@ class Turns:
 
 
 @wp.func
-def turned(u: vec3):
+def rotation_vector_quaternion(u: vec3):
     """The quaternion of a rotation vector [rad]."""
-    e = exponential(u)
+    e = rotation_exponential(u)
     return quat(e[0], e[1], e[2], e[3])
 
 
 @cache
-def keyed(value, own: str):
+def keyed_transform_func(value, own: str):
     """Function: R S and T of a motion by keys at time t. value: of channels."""
-    def transform(c: Channels, turns: Turns, j: int, channel: int, t: real):
-        k, _s, n, _way, side, beyond = located(c, channel, t)
+    def keyed_transform_at(c: ChannelTable, turns: RotationKeys, j: int, channel: int, t: real):
+        k, _s, n, _way, side, beyond = locate_in_channel(c, channel, t)
         first = c.first[channel]
         i = turns.first[j] + k - first
         p = vec3(value(c, channel, t), value(c, channel + 1, t), value(c, channel + 2, t))
@@ -68,29 +68,30 @@ def keyed(value, own: str):
         if last > 0:
             S = S + e * (turns.S[i + 1] - S)
             if turns.smooth[j] == 1:
-                q = squad(q, turns.a[i], turns.b[i], turns.q[i + 1], e)
+                q = squad_rotation(q, turns.a[i], turns.b[i], turns.q[i + 1], e)
             else:
-                q = multiply(q, turned(e * turns.w[i]))
+                q = multiply_rotations(q, rotation_vector_quaternion(e * turns.w[i]))
         if side >= 0:
             mode = c.mode[channel][side]
             if mode == LINEAR:
-                q = multiply(turned(beyond * turns.end[j, side]), q)
+                q = multiply_rotations(rotation_vector_quaternion(beyond * turns.end[j, side]), q)
         if n != real(0.0):
-            q = multiply(turned(n * turns.whole[j]), q)
-        return matrix(q) * S, p
+            q = multiply_rotations(rotation_vector_quaternion(n * turns.whole[j]), q)
+        return rotation_to_matrix(q) * S, p
 
-    return wp.func(transform, name=f"keyed_transform_{own}")
+    return wp.func(keyed_transform_at, name=f"keyed_transform_{own}")
 
 
 @cache
-def functions(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...]) -> SimpleNamespace:
-    """`at` (parts, channels, turns, m, t) -> (linear part, place [m]) of stacks with these codes and kinds of parts."""
+def motion_stack_functions(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...]) -> SimpleNamespace:
+    """`motion_stack_at` (parts, channels, turns, m, t) -> (linear part, place [m]) of stacks with these codes and kinds of
+    parts."""
     own = f"{'_'.join(map(str, (*whats, 'of', *codes)))}"
-    value = channels(codes, names).value
-    by_keys = keyed(value, own)
+    value = channel_functions(codes, names).value
+    by_keys = keyed_transform_func(value, own)
     with_keys, with_elements = KEYED in whats, ELEMENTS in whats
 
-    def at(parts: Parts, c: Channels, turns: Turns, m: int, t: real):
+    def motion_stack_at(parts: StackParts, c: ChannelTable, turns: RotationKeys, m: int, t: real):
         A = wp.identity(n=3, dtype=real)
         p = vec3()
         for j in range(parts.first[m], parts.first[m + 1]):
@@ -103,7 +104,7 @@ def functions(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, 
             elif what == TURN:
                 n = vec3()
                 n[axis] = real(1.0)
-                B = about_axis(n, value(c, parts.channel[j], t))
+                B = rotation_about_axis(n, value(c, parts.channel[j], t))
             elif what == SCALE:
                 B[axis, axis] = value(c, parts.channel[j], t)
             if wp.static(with_keys):
@@ -119,19 +120,19 @@ def functions(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, 
             A = A * B
         return A, p
 
-    return SimpleNamespace(at=wp.func(at, name=f"stack_at_{own}"))
+    return SimpleNamespace(at=wp.func(motion_stack_at, name=f"stack_at_{own}"))
 
 
 @cache
-def sample(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...], module):
+def track_sample_kernel(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...], module):
     """Kernel over (motions, moments): motions at times start + moment [s]. start: when the frame begins, (1,)."""
-    at = functions(codes, names, whats).at
+    at = motion_stack_functions(codes, names, whats).at
 
-    def sample(parts: Parts, c: Channels, turns: Turns, start: wp.array(dtype=real), moment: wp.array(dtype=real),
-               A_out: wp.array2d(dtype=mat33), p_out: wp.array2d(dtype=vec3)):
+    def sample_motion_tracks(parts: StackParts, c: ChannelTable, turns: RotationKeys, start: wp.array(dtype=real),
+                             moment: wp.array(dtype=real), A_out: wp.array2d(dtype=mat33), p_out: wp.array2d(dtype=vec3)):
         m, k = wp.tid()
         A, p = at(parts, c, turns, m, start[0] + moment[k])
         A_out[m, k] = A
         p_out[m, k] = p
 
-    return wp.kernel(sample, name="sample_track", module=module, enable_backward=False)
+    return wp.kernel(sample_motion_tracks, name="sample_track", module=module, enable_backward=False)

@@ -11,17 +11,26 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.animation.channel import Channels, channels, located
+from wsim.kernels.animation.channel import ChannelTable, channel_functions, locate_in_channel
 from wsim.kernels.animation.outside import LINEAR
-from wsim.kernels.animation.rotation_spline import squad_rate
-from wsim.kernels.animation.track import ELEMENTS, KEYED, SCALE, SHIFT, TURN, Parts, Turns, turned
-from wsim.kernels.math.rotation import about_axis, matrix, multiply, rotate
+from wsim.kernels.animation.rotation_spline import squad_angular_rate
+from wsim.kernels.animation.track import (
+    ELEMENTS,
+    KEYED,
+    SCALE,
+    SHIFT,
+    TURN,
+    RotationKeys,
+    StackParts,
+    rotation_vector_quaternion,
+)
+from wsim.kernels.math.rotation import multiply_rotations, rotate_vector, rotation_about_axis, rotation_to_matrix
 
 real, mat33, vec3 = wp.float64, wp.mat33d, wp.vec3d
 
 
 @wp.func
-def crossed(omega: vec3, A: mat33):
+def cross_matrix_product(omega: vec3, A: mat33):
     """[omega] A."""
     zero = real(0.0)
     return mat33(zero, -omega[2], omega[1], omega[2], zero, -omega[0], -omega[1], omega[0], zero) * A
@@ -30,8 +39,8 @@ def crossed(omega: vec3, A: mat33):
 @cache
 def keyed_rate(rate, own: str):
     """Function: R S and T of a motion by keys at time t, and their rates. rate: of channels."""
-    def transform(c: Channels, turns: Turns, j: int, channel: int, t: real):
-        k, _s, n, _way, side, beyond = located(c, channel, t)
+    def keyed_transform_and_rate(c: ChannelTable, turns: RotationKeys, j: int, channel: int, t: real):
+        k, _s, n, _way, side, beyond = locate_in_channel(c, channel, t)
         first = c.first[channel]
         i = turns.first[j] + k - first
         x, dx = rate(c, channel, t)
@@ -47,11 +56,11 @@ def keyed_rate(rate, own: str):
             way = turns.S[i + 1] - S
             S = S + e * way
             if turns.smooth[j] == 1:
-                q, own_rate = squad_rate(q, turns.a[i], turns.b[i], turns.q[i + 1], e)
-                omega = rotate(q, own_rate)
+                q, own_rate = squad_angular_rate(q, turns.a[i], turns.b[i], turns.q[i + 1], e)
+                omega = rotate_vector(q, own_rate)
             else:
-                omega = rotate(q, turns.w[i])
-                q = multiply(q, turned(e * turns.w[i]))
+                omega = rotate_vector(q, turns.w[i])
+                q = multiply_rotations(q, rotation_vector_quaternion(e * turns.w[i]))
             omega = speed * omega
             dS = speed * way
         if side >= 0:
@@ -59,21 +68,21 @@ def keyed_rate(rate, own: str):
             dS = mat33()
             if c.mode[channel][side] == LINEAR:
                 omega = turns.end[j, side]
-                q = multiply(turned(beyond * omega), q)
+                q = multiply_rotations(rotation_vector_quaternion(beyond * omega), q)
         if n != real(0.0):
-            D = turned(n * turns.whole[j])
-            q = multiply(D, q)
-            omega = rotate(D, omega)
-        R = matrix(q)
-        return R * S, vec3(x, y, z), crossed(omega, R * S) + R * dS, vec3(dx, dy, dz)
+            D = rotation_vector_quaternion(n * turns.whole[j])
+            q = multiply_rotations(D, q)
+            omega = rotate_vector(D, omega)
+        R = rotation_to_matrix(q)
+        return R * S, vec3(x, y, z), cross_matrix_product(omega, R * S) + R * dS, vec3(dx, dy, dz)
 
-    return wp.func(transform, name=f"keyed_rate_{own}")
+    return wp.func(keyed_transform_and_rate, name=f"keyed_rate_{own}")
 
 
 @cache
 def elements_rate(rate, own: str):
     """Function: linear part and place by channels of the elements of a matrix at time t, and their rates."""
-    def transform(c: Channels, channel: int, t: real):
+    def matrix_elements_and_rate(c: ChannelTable, channel: int, t: real):
         B = mat33()
         o = vec3()
         dB = mat33()
@@ -88,19 +97,19 @@ def elements_rate(rate, own: str):
             do[r] = speed
         return B, o, dB, do
 
-    return wp.func(transform, name=f"elements_rate_{own}")
+    return wp.func(matrix_elements_and_rate, name=f"elements_rate_{own}")
 
 
 @cache
-def rates(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...], module):
+def track_rate_kernel(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...], module):
     """Kernel over motions: rates of the linear part [1/s] and of the place [m/s] at times start + moment[0] [s]."""
     own = f"{'_'.join(map(str, (*whats, 'of', *codes)))}"
-    rate = channels(codes, names).rate
+    rate = channel_functions(codes, names).rate
     by_keys, by_elements = keyed_rate(rate, own), elements_rate(rate, own)
     with_keys, with_elements = KEYED in whats, ELEMENTS in whats
 
-    def rate_track(parts: Parts, c: Channels, turns: Turns, start: wp.array(dtype=real), moment: wp.array(dtype=real),
-                   A_out: wp.array(dtype=mat33), p_out: wp.array(dtype=vec3)):
+    def rate_track(parts: StackParts, c: ChannelTable, turns: RotationKeys, start: wp.array(dtype=real),
+                   moment: wp.array(dtype=real), A_out: wp.array(dtype=mat33), p_out: wp.array(dtype=vec3)):
         m = wp.tid()
         t = start[0] + moment[0]
         A = wp.identity(n=3, dtype=real)
@@ -121,8 +130,8 @@ def rates(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...]
                 value, speed = rate(c, parts.channel[j], t)
                 n = vec3()
                 n[axis] = real(1.0)
-                B = about_axis(n, value)
-                dB = crossed(speed * n, B)
+                B = rotation_about_axis(n, value)
+                dB = cross_matrix_product(speed * n, B)
             elif what == SCALE:
                 value, speed = rate(c, parts.channel[j], t)
                 B[axis, axis] = value

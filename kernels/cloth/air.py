@@ -28,12 +28,12 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.marks import own
-from wsim.kernels.math.real import differentiable, types
+from wsim.kernels.math.marks import owns_points
+from wsim.kernels.math.real import has_adjoint, types
 
 
 @cache
-def air(real):
+def air_tables(real):
     """Struct of the air over each object: reads only."""
     t = types(real)
 
@@ -52,12 +52,12 @@ def air(real):
 
 
 @cache
-def halves(real):
+def leapfrog_halves(real):
     """Struct of the state of leapfrog between its half steps, read only: see kernels/motion/explicit.py."""
     t = types(real)
 
     @wp.struct
-    class Half:
+    class LeapfrogHalf:
         x: wp.array(dtype=t.vec3)            # [m], (points,)
         v: wp.array(dtype=t.vec3)            # of the half step that follows, but for what others change in it [m/s], (points,)
         pair: wp.array(dtype=t.vec3)         # q in rows (2 + at) n
@@ -67,7 +67,7 @@ def halves(real):
         h: real                              # substep [s]
         kick: real                           # [s]
 
-    return Half
+    return LeapfrogHalf
 
 
 @wp.func
@@ -92,13 +92,14 @@ def press_triangle(air: Any, o: int, area2: Any, r: Any, fallen: Any):
 
 
 @cache
-def press(real, module):
+def triangle_drag_kernel(real, module):
     """Kernel: force on each corner of a triangle [N] and K, its derivative by r [kg/s]."""
-    t, Air = types(real), air(real)
+    t, Air = types(real), air_tables(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def press(triangle: wp.array(dtype=wp.vec3i), air: Air, x: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
-              d: wp.array(dtype=t.vec3), g: real, force_out: wp.array(dtype=t.vec3), k_out: wp.array(dtype=t.scalar)):
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def drag_on_triangles(triangle: wp.array(dtype=wp.vec3i), air: Air, x: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
+                          d: wp.array(dtype=t.vec3), g: real, force_out: wp.array(dtype=t.vec3),
+                          k_out: wp.array(dtype=t.scalar)):
         c = wp.tid()
         p = triangle[c]
         o = air.object[p[0]]
@@ -111,48 +112,48 @@ def press(real, module):
         force_out[c] = f
         k_out[c] = k
 
-    return press
+    return drag_on_triangles
 
 
 @cache
-def press_leap(real, module):
-    """Kernel: as `press`, for leapfrog."""
-    t, Air, Half = types(real), air(real), halves(real)
+def leapfrog_drag_kernel(real, module):
+    """Kernel: as `triangle_drag_kernel`, for leapfrog."""
+    t, Air, Half = types(real), air_tables(real), leapfrog_halves(real)
 
     @wp.func
-    def speed(s: Half, i: int):
+    def leapfrog_velocity(s: Half, i: int):
         more = t.vec3()
         if s.known > real(0.0):                        # else what is there may be no number: a frame that broke has left it
             more = real(0.5) * s.change[i]
         return real(2.0) * s.v[i] - s.pair[(2 + s.at) * s.x.shape[0] + i] + more
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def press_leap(triangle: wp.array(dtype=wp.vec3i), air: Air, s: Half, force_out: wp.array(dtype=t.vec3),
-                   k_out: wp.array(dtype=t.scalar)):
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def leapfrog_triangle_drag(triangle: wp.array(dtype=wp.vec3i), air: Air, s: Half, force_out: wp.array(dtype=t.vec3),
+                               k_out: wp.array(dtype=t.scalar)):
         c = wp.tid()
         p = triangle[c]
         o = air.object[p[0]]
         x0 = s.x[p[0]]
-        r = (speed(s, p[0]) + speed(s, p[1]) + speed(s, p[2])) / real(3.0) - air.wind[o]
+        r = (leapfrog_velocity(s, p[0]) + leapfrog_velocity(s, p[1]) + leapfrog_velocity(s, p[2])) / real(3.0) - air.wind[o]
         f, k = press_triangle(air, o, wp.cross(s.x[p[1]] - x0, s.x[p[2]] - x0), r, t.vec3())
         force_out[c] = f
         k_out[c] = k
 
-    return press_leap
+    return leapfrog_triangle_drag
 
 
 @cache
-def gatherer(real):
+def air_gather_functions(real):
     """Struct of the triangles of each point, and function: their forces and K at point i."""
     t = types(real)
 
     @wp.struct
-    class Corners:
+    class AirCorners:
         first: wp.array(dtype=int)           # item[first[i]:first[i + 1]] of point i, (points + 1,)
         item: wp.array(dtype=int)            # triangles
 
     @wp.func
-    def gather(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), i: int):
+    def gather_air_force(corners: AirCorners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), i: int):
         f = t.vec3()                      # by themselves: Warp's adjoint of a loop does not stand a product with its sums
         drag = real(0.0)
         for j in range(corners.first[i], corners.first[i + 1]):
@@ -160,34 +161,35 @@ def gatherer(real):
             drag += k[corners.item[j]]
         return f, drag
 
-    return Corners, gather
+    return AirCorners, gather_air_force
 
 
 @cache
-def blow(real, module):
+def air_displacement_kernel(real, module):
     """Kernel: each point gathers its triangles' forces into its predicted displacement."""
-    t, (Corners, gather) = types(real), gatherer(real)
+    t, (Corners, gather) = types(real), air_gather_functions(real)
 
-    @own
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def blow(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar),
-             d: wp.array(dtype=t.vec3), g: real, d_out: wp.array(dtype=t.vec3)):
+    @owns_points
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def apply_air_force(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar),
+                        w: wp.array(dtype=t.scalar), d: wp.array(dtype=t.vec3), g: real, d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         f, drag = gather(corners, force, k, i)
         d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + g * w[i] * drag)) * f
 
-    return blow
+    return apply_air_force
 
 
 @cache
-def blow_leap(real, module):
-    """Kernel: as `blow`, for leapfrog: it also adds half of dv to the velocity that damping uses."""
-    t, Half, (Corners, gather) = types(real), halves(real), gatherer(real)
+def leapfrog_air_kernel(real, module):
+    """Kernel: as `air_displacement_kernel`, for leapfrog: it also adds half of dv to the velocity that damping uses."""
+    t, Half, (Corners, gather) = types(real), leapfrog_halves(real), air_gather_functions(real)
 
-    @own
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def blow_leap(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar),
-                  d: wp.array(dtype=t.vec3), s: Half, d_out: wp.array(dtype=t.vec3), pair_out: wp.array(dtype=t.vec3)):
+    @owns_points
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def apply_leapfrog_air(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar),
+                           w: wp.array(dtype=t.scalar),
+                           d: wp.array(dtype=t.vec3), s: Half, d_out: wp.array(dtype=t.vec3), pair_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         rate = (2 + s.at) * d.shape[0] + i
         f, drag = gather(corners, force, k, i)
@@ -196,19 +198,19 @@ def blow_leap(real, module):
         d_out[i] = d[i] + s.h * dv
         pair_out[rate] = s.pair[rate] + real(0.5) * dv
 
-    return blow_leap
+    return apply_leapfrog_air
 
 
 @cache
-def blow_work(real, module):
+def wind_work_kernel(real, module):
     """Kernel over triangles: adds to given [J] what the wind w does in a substep at most, max(h F . w, 0). Drag opposes what
     moves through the air, F . (v - w) <= 0, so that no more than F . w becomes energy of the cloth."""
-    t, Air = types(real), air(real)
+    t, Air = types(real), air_tables(real)
 
-    def blow_work(triangle: wp.array(dtype=wp.vec3i), air: Air, force: wp.array(dtype=t.vec3), h: real,
-                  given: wp.array(dtype=wp.float64)):
+    def add_wind_work(triangle: wp.array(dtype=wp.vec3i), air: Air, force: wp.array(dtype=t.vec3), h: real,
+                      given: wp.array(dtype=wp.float64)):
         c = wp.tid()
         all = real(3.0) * h * wp.dot(force[c], air.wind[air.object[triangle[c][0]]])           # of three corners
         given[c] = given[c] + wp.float64(wp.max(all, real(0.0)))
 
-    return wp.kernel(blow_work, name=f"blow_work_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(add_wind_work, name=f"blow_work_{t.name}", module=module, enable_backward=False)

@@ -19,7 +19,7 @@ FLAT = 1.0e-24         # of two squared heights [m^4], below which a hinge has n
 
 
 @wp.func
-def inverse(s: Any):
+def inverse_or_zero(s: Any):
     """1 / s for s > 0, else 0."""
     r = type(s)(0.0)
     if s > type(s)(0.0):
@@ -28,7 +28,7 @@ def inverse(s: Any):
 
 
 @wp.func
-def wrap(angle: Any):
+def wrap_angle(angle: Any):
     """The angle [rad] in [-2 pi, 2 pi] brought to [-pi, pi]."""
     pi = type(angle)(wp.static(math.pi))
     r = angle
@@ -76,14 +76,14 @@ def arctangent(y: wp.float32, x: wp.float32):  # noqa: F811 - an overload
 
 
 @wp.func
-def distance(X: Any, l0: Any):
+def distance_constraint(X: Any, l0: Any):
     """C = |x1 - x0| - l0 [m]. Coincident points: G = 0."""
     L = wp.length(X[0])
-    return L - l0, inverse(L) * X
+    return L - l0, inverse_or_zero(L) * X
 
 
 @wp.func
-def dihedral(X: Any, theta0: Any):
+def dihedral_constraint(X: Any, theta0: Any):
     """C = theta - theta0 [rad] at the hinge x0-x1 between the triangles (x0, x1, x2) and (x1, x0, x3); flat: theta = 0.
 
     theta > 0 when the hinge folds away from the side that the normals point to (a ridge, seen from there). With E = X1,
@@ -101,7 +101,7 @@ def dihedral(X: Any, theta0: Any):
     N2 = wp.cross(E, X2)
     N3 = wp.cross(X3, E)
     LL = wp.dot(E, E)
-    q = inverse(LL)
+    q = inverse_or_zero(LL)
     H2 = q * wp.dot(N2, N2)
     H3 = q * wp.dot(N3, N3)
     both = H2 * H3
@@ -112,7 +112,7 @@ def dihedral(X: Any, theta0: Any):
     if both > type(theta0)(wp.static(FLAT)):
         L = wp.sqrt(LL)
         s = -q * L / both                              # -1 / (|E| H2 H3): one division serves both
-        C = wrap(arctangent(-L * wp.dot(X3, N2), wp.dot(N2, N3)) - theta0)
+        C = wrap_angle(arctangent(-L * wp.dot(X3, N2), wp.dot(N2, N3)) - theta0)
         G2 = (s * H3) * N2
         G3 = (s * H2) * N3
         G1 = -(q * wp.dot(E, X2)) * G2 - (q * wp.dot(E, X3)) * G3
@@ -120,17 +120,17 @@ def dihedral(X: Any, theta0: Any):
 
 
 @wp.func
-def across(Fu: Any, Fv: Any):
+def cross_and_normal(Fu: Any, Fv: Any):
     """|F_u x F_v| and a unit normal of both; where they are parallel, one of the normals of the longer."""
     N = wp.cross(Fu, Fv)
     s = wp.length(N)
-    n = inverse(s) * N
+    n = inverse_or_zero(s) * N
     uu = wp.dot(Fu, Fu)
     vv = wp.dot(Fv, Fv)
     if s < type(s)(1.0e-3) * (uu + vv):              # rounding may have turned N: make it normal again
-        e = inverse(wp.sqrt(uu)) * Fu
+        e = inverse_or_zero(wp.sqrt(uu)) * Fu
         if vv > uu:
-            e = inverse(wp.sqrt(vv)) * Fv
+            e = inverse_or_zero(wp.sqrt(vv)) * Fv
         if s == type(s)(0.0):
             n = wp.cross(e, type(e)(type(s)(0.0), type(s)(1.0), type(s)(0.0)))
             if wp.abs(e[1]) > type(s)(0.9):
@@ -140,11 +140,11 @@ def across(Fu: Any, Fv: Any):
 
 
 @wp.func
-def polar(Fu: Any, Fv: Any):
-    """Rows r_u, r_v of the rotation R^T of F = R U, a unit normal, |F_u x F_v| and 1 / tr U: see `membrane`."""
-    s, n = across(Fu, Fv)
+def polar_rows(Fu: Any, Fv: Any):
+    """Rows r_u, r_v of the rotation R^T of F = R U, a unit normal, |F_u x F_v| and 1 / tr U: see `membrane_constraint`."""
+    s, n = cross_and_normal(Fu, Fv)
     t = wp.sqrt(wp.dot(Fu, Fu) + wp.dot(Fv, Fv) + type(s)(2.0) * s)
-    q = inverse(t)
+    q = inverse_or_zero(t)
     ru = q * (Fu + wp.cross(Fv, n))
     rv = q * (Fv + wp.cross(n, Fu))
     if t == type(s)(0.0):
@@ -154,7 +154,7 @@ def polar(Fu: Any, Fv: Any):
 
 
 @wp.func
-def membrane(X: Any, B: Any):
+def membrane_constraint(X: Any, B: Any):
     """C = (U_uu - 1, U_vv - 1, 2 U_uv), strains of warp and weft and their shear; rows of G1, G2 are those of C.
 
     F = [X1 X2] B = R U, B = Dm^-1 [1/m] with the rest edges in (u, v) as columns of Dm; R turns, U = sqrt(F^T F). With
@@ -175,7 +175,7 @@ def membrane(X: Any, B: Any):
     X2 = X[1]
     Fu = B[0, 0] * X1 + B[1, 0] * X2
     Fv = B[0, 1] * X1 + B[1, 1] * X2
-    ru, rv, _n, s, q = polar(Fu, Fv)
+    ru, rv, _n, s, q = polar_rows(Fu, Fv)
     one = type(s)(1.0)
     two = type(s)(2.0)
     Uuu = wp.dot(ru, Fu)
@@ -196,12 +196,12 @@ def membrane(X: Any, B: Any):
 
 @wp.func
 def membrane_response(C: Any, B: Any, w0: Any, w1: Any, w2: Any):
-    """S = sum_k w_k G_k G_k^T of `membrane`, from its C: in the axes of R the gradients are known from U alone, and
+    """S = sum_k w_k G_k G_k^T of `membrane_constraint`, from its C: in the axes of R the gradients are known from U alone, and
     M = sum_k w_k b b^T, b the row of B of point k (minus the sum of the others for the first), does the rest.
     """
     one = type(w0)(1.0)
     two = type(w0)(2.0)
-    q = inverse(C[0] + C[1] + two)
+    q = inverse_or_zero(C[0] + C[1] + two)
     m = q * C[2] / two
     b = two * q * (C[1] + one)
     g = two * q * (C[0] + one)
@@ -250,7 +250,7 @@ def membrane_shear(B: Any, dC: Any):
         a = c
         b = d
     two = type(a)(2.0)
-    return (two * a * b * (dC[1] - dC[0]) + (a * a - b * b) * dC[2]) * inverse(a * a + b * b)
+    return (two * a * b * (dC[1] - dC[0]) + (a * a - b * b) * dC[2]) * inverse_or_zero(a * a + b * b)
 
 
 @dataclass(frozen=True)
@@ -267,8 +267,8 @@ class Constraint:
     anchored: bool = False     # the first point is not moved, so that points which share it need no colours
 
 
-DISTANCE = Constraint("distance", distance, 2, 1, "m", "m/N")
-LIMIT = Constraint("limit", distance, 2, 1, "m", "0", unilateral=True)
-TETHER = Constraint("tether", distance, 2, 1, "m", "0", unilateral=True, anchored=True)
-DIHEDRAL = Constraint("dihedral", dihedral, 4, 1, "rad", "rad/(N m)")
-MEMBRANE = Constraint("membrane", membrane, 3, 3, "1", "1/J")
+DISTANCE = Constraint("distance", distance_constraint, 2, 1, "m", "m/N")
+LIMIT = Constraint("limit", distance_constraint, 2, 1, "m", "0", unilateral=True)
+TETHER = Constraint("tether", distance_constraint, 2, 1, "m", "0", unilateral=True, anchored=True)
+DIHEDRAL = Constraint("dihedral", dihedral_constraint, 4, 1, "rad", "rad/(N m)")
+MEMBRANE = Constraint("membrane", membrane_constraint, 3, 3, "1", "1/J")

@@ -8,28 +8,28 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.spring import net, together
+from wsim.kernels.cloth.spring import lane_sum_function, spring_nets
 from wsim.kernels.math.real import types
 
 
 @cache
-def works(real):
+def adjoint_works(real):
     """Struct of what an adjoint of forces reads and writes: p by the forces on points."""
     t = types(real)
 
     @wp.struct
-    class Work:
+    class ForceAdjointWork:
         p: wp.array(dtype=t.vec3)            # [1/N], (points,), or none: then corners have them
         corners: wp.array(dtype=t.vec3)      # by the positions of corners, written, at the places of their forces
         rates: wp.array(dtype=t.vec3)        # by the velocities of corners, written, at the same places
 
-    return Work
+    return ForceAdjointWork
 
 
 @cache
-def reader(real, direct: bool):
+def corner_reader(real, direct: bool):
     """Function of (work, point, place of its corner): the gradient by the force there."""
-    vec3, Work = types(real).vec3, works(real)
+    vec3, Work = types(real).vec3, adjoint_works(real)
 
     @wp.func
     def by_force(w: Work, i: int, at: int):
@@ -44,13 +44,13 @@ def reader(real, direct: bool):
 
 
 @cache
-def take_all(real, module, lanes: int, rated: bool):
+def corner_gather_kernel(real, module, lanes: int, rated: bool):
     """Kernel over the lanes of points: adds what stands at all of their corners to the gradients `by` and, where there is one,
     `also`; rated: and that at `rates` to `by_v`."""
-    t, Net, together_ = types(real), net(real), together(types(real).vec3, lanes)
+    t, Net, together_ = types(real), spring_nets(real), lane_sum_function(types(real).vec3, lanes)
     vec3 = wp.array(dtype=t.vec3)
 
-    def take_all(net: Net, corners: vec3, rates: vec3, by: vec3, also: vec3, by_v: vec3):
+    def gather_all_corners(net: Net, corners: vec3, rates: vec3, by: vec3, also: vec3, by_v: vec3):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
         sum = t.vec3()
@@ -71,18 +71,18 @@ def take_all(real, module, lanes: int, rated: bool):
         if wp.static(rated):
             by_v[i] = by_v[i] + rate
 
-    return wp.kernel(take_all, name="take_all" + "_rated" * rated, module=module, enable_backward=False)
+    return wp.kernel(gather_all_corners, name="take_all" + "_rated" * rated, module=module, enable_backward=False)
 
 
 @cache
-def take(real, module):
+def corner_range_kernel(real, module):
     """Kernel over points: adds what stands at their corners, those from `first` to `last`, to the gradients `by` and, where
     there is one, `also`; the place of a corner in `corners` is less by `shift`."""
-    t, Net = types(real), net(real)
+    t, Net = types(real), spring_nets(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def take(net: Net, corners: vec3, first: int, last: int, shift: int, by: vec3, also: vec3):
+    def gather_corner_range(net: Net, corners: vec3, first: int, last: int, shift: int, by: vec3, also: vec3):
         i = wp.tid()
         sum = t.vec3()
         for c in range(net.first[i], net.first[i + 1]):
@@ -93,4 +93,4 @@ def take(real, module):
         if also:
             also[i] = also[i] + sum
 
-    return take
+    return gather_corner_range

@@ -3,8 +3,9 @@ wsim/physics/cloth/bending.py.
 
     z_e = k_e^1/2 (f_e + tau_e f'_e b_e)     C_t = sum_s value_ts z_s     u_e = sum_ts value_ts.C_t     b = G.v
 
-f is a function of D = theta - theta_0 in [-pi, pi] with the period 2 pi: see `fold`. k [J] is the stiffness of a hinge alone,
-1 / alpha, and q = sum_t |value_t|^2 <= 1 the part of it that does not depend on other hinges. Energy, and moment of a hinge:
+f is a function of D = theta - theta_0 in [-pi, pi] with the period 2 pi: see `folded_angle`. k [J] is the stiffness of a hinge
+alone, 1 / alpha, and q = sum_t |value_t|^2 <= 1 the part of it that does not depend on other hinges. Energy, and moment of a
+hinge:
 
     E = 1/2 sum |C_t|^2 + 1/2 sum k q (D^2 - f^2)        m = k^1/2 f' u + k q (D - f f' + tau (1 - f'^2) b)
 
@@ -18,17 +19,17 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral, inverse
-from wsim.kernels.cloth.element import elements
+from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral_constraint, inverse_or_zero
+from wsim.kernels.cloth.element import force_elements
 from wsim.kernels.cloth.terms import batch_of
-from wsim.kernels.math.marks import whole
+from wsim.kernels.math.marks import writes_all
 from wsim.kernels.math.real import types
 
 SLOTS = 9              # hinges of a triangle, at most: as `wsim.physics.cloth.bending.SLOTS`
 
 
 @cache
-def curvatures(real):
+def sheet_curvatures(real):
     """Struct of the triangles of all sheets. Slot s belongs to triangle s // SLOTS."""
     t = types(real)
 
@@ -81,7 +82,7 @@ def sine_cosine(D: wp.float32):  # noqa: F811 - an overload
 
 
 @wp.func
-def fold(D: Any):
+def folded_angle(D: Any):
     """f = s + s^3 / 6, f' = c (1 + s^2 / 2) and 1 - f'^2 of an angle [rad], s its sine and c its cosine; f'' = -3/2 s^3.
 
     Two terms of arcsin s: f = D - 3/40 D^5 of small angles. It is smooth through pi, where it is 0, so that what hinges share
@@ -95,7 +96,7 @@ def fold(D: Any):
 
 
 @wp.func
-def moment(cur: Any, C: Any, e: int):
+def hinge_moment(cur: Any, C: Any, e: int):
     """u of hinge e."""
     u = cur.z.dtype(0.0)
     for k in range(cur.begin[e], cur.end[e]):
@@ -105,11 +106,11 @@ def moment(cur: Any, C: Any, e: int):
 
 
 @cache
-def sums(real, module, both: bool = False):
+def curvature_sum_kernel(real, module, both: bool = False):
     """Kernel over triangles: C of z; both: and Y of y."""
-    t, Curvatures = types(real), curvatures(real)
+    t, Curvatures = types(real), sheet_curvatures(real)
 
-    def sums(cur: Curvatures):
+    def sum_curvatures(cur: Curvatures):
         c = wp.tid()
         C = t.vec3()
         Y = t.vec3()
@@ -122,15 +123,15 @@ def sums(real, module, both: bool = False):
         if wp.static(both):
             cur.Y[c] = Y
 
-    return wp.kernel(sums, name="curvature" + "_both" * both, module=module, enable_backward=False)
+    return wp.kernel(sum_curvatures, name="curvature" + "_both" * both, module=module, enable_backward=False)
 
 
 @cache
-def strained(real, module, damped: bool):
+def hinge_strain_kernel(real, module, damped: bool):
     """Kernel over hinges of an explicit step: z, G, and slope and kept by which m = slope u + kept."""
-    t, Elements, Curvatures = types(real), elements(DIHEDRAL, real), curvatures(real)
+    t, Elements, Curvatures = types(real), force_elements(DIHEDRAL, real), sheet_curvatures(real)
 
-    def strained(batch: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), source: int, cur: Curvatures):
+    def strain_hinges(batch: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), source: int, cur: Curvatures):
         c = wp.tid()
         m = x.shape[0]
         p = batch.point[c]
@@ -141,8 +142,8 @@ def strained(real, module, damped: bool):
         for k in range(3):
             j = p[k + 1]
             X[k] = (x[j] - x0) + (d[source * m + j] - d0)
-        C, G = dihedral(X, batch.rest[c])
-        f, slope, rest = fold(C)
+        C, G = dihedral_constraint(X, batch.rest[c])
+        f, slope, rest = folded_angle(C)
         kept = C - f * slope
         if wp.static(damped):
             v0 = d[(2 + source) * m + i]
@@ -159,18 +160,18 @@ def strained(real, module, damped: bool):
         for k in range(3):
             cur.G[3 * c + k] = G[k]
 
-    return wp.kernel(strained, name="hinge" + "_damped" * damped, module=module, enable_backward=False)
+    return wp.kernel(strain_hinges, name="hinge" + "_damped" * damped, module=module, enable_backward=False)
 
 
 @cache
-def corners(real, module):
+def hinge_force_kernel(real, module):
     """Kernel over hinges: force on each of their points, f[first + 4 c + k] [N]."""
-    t, Elements, Curvatures = types(real), elements(DIHEDRAL, real), curvatures(real)
+    t, Elements, Curvatures = types(real), force_elements(DIHEDRAL, real), sheet_curvatures(real)
 
-    def corners(batch: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), source: int, first: int,
-                cur: Curvatures, f_out: wp.array(dtype=t.vec3)):
+    def hinge_corner_forces(batch: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), source: int, first: int,
+                            cur: Curvatures, f_out: wp.array(dtype=t.vec3)):
         c = wp.tid()
-        s = -(cur.slope[c] * moment(cur, cur.C, c) + cur.kept[c])
+        s = -(cur.slope[c] * hinge_moment(cur, cur.C, c) + cur.kept[c])
         F0 = t.vec3()
         for k in range(3):
             f = s * cur.G[3 * c + k]
@@ -178,7 +179,7 @@ def corners(real, module):
             f_out[first + 4 * c + k + 1] = f
         f_out[first + 4 * c] = F0
 
-    return whole(wp.kernel(corners, name=f"corners_dihedral_{t.name}", module=module, enable_backward=False))
+    return writes_all(wp.kernel(hinge_corner_forces, name=f"corners_dihedral_{t.name}", module=module, enable_backward=False))
 
 
 @cache
@@ -189,7 +190,7 @@ def hinge_of(real, damped: bool):
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.func
-    def hinge(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, a: vec3, c: int):
+    def read_hinge(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, a: vec3, c: int):
         p = batch.point[c]
         i = p[0]
         X = t.mat33()
@@ -199,23 +200,23 @@ def hinge_of(real, damped: bool):
             X[k] = (x[p[k + 1]] - x[i]) + moved
             if wp.static(damped):
                 V[k] = moved - (a[p[k + 1]] - a[i])
-        C, G = dihedral(X, rest[c])
+        C, G = dihedral_constraint(X, rest[c])
         return X, V, C, G
 
-    return hinge
+    return read_hinge
 
 
 @cache
-def angles(real, module, damped: bool):
+def hinge_angle_kernel(real, module, damped: bool):
     """Kernel over hinges of such a table: z, and slope and kept by which D + tau b - m / k = kept - slope u. rest: angles at
     rest; rate: 1 / h."""
-    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, damped)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), sheet_curvatures(real), hinge_of(real, damped)
     vec3 = wp.array(dtype=t.vec3)
 
-    def angles(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures):
+    def compute_hinge_angles(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures):
         c = wp.tid()
         _X, V, C, G = hinge(batch, rest, x, d, a, c)
-        f, slope, rest_of = fold(C)
+        f, slope, rest_of = folded_angle(C)
         lone = C - f * slope
         if wp.static(damped):
             b = rate * batch.tau[c] * wp.ddot(G, V)
@@ -223,52 +224,52 @@ def angles(real, module, damped: bool):
             f += slope * b
             lone += rest_of * b
         root = wp.sqrt(batch.alpha[c])
-        cur.z[c] = inverse(root) * f
+        cur.z[c] = inverse_or_zero(root) * f
         cur.slope[c] = root * slope
         cur.kept[c] = C - cur.own[c] * lone
 
-    return wp.kernel(angles, name="angle" + "_damped" * damped, module=module, enable_backward=False)
+    return wp.kernel(compute_hinge_angles, name="angle" + "_damped" * damped, module=module, enable_backward=False)
 
 
 @cache
-def targets(real, module):
+def target_angle_kernel(real, module):
     """Kernel over hinges: the angles that hinges alone, of stiffness k, would have to be at rest at for the moments that the
     sheet has: theta_0 + D - m / k, which XPBD projects to. Since 1/2 sum k D^2 is at least E, sweeps that repeat it go
     downhill where hinges are not folded sharply, and so do substeps of one sweep."""
-    Batch, Curvatures = batch_of(DIHEDRAL, real), curvatures(real)
+    Batch, Curvatures = batch_of(DIHEDRAL, real), sheet_curvatures(real)
 
-    def targets(batch: Batch, rest: wp.array(dtype=real), cur: Curvatures, target_out: wp.array(dtype=real)):
+    def hinge_target_angles(batch: Batch, rest: wp.array(dtype=real), cur: Curvatures, target_out: wp.array(dtype=real)):
         c = wp.tid()
-        target_out[c] = rest[c] + (cur.kept[c] - cur.slope[c] * moment(cur, cur.C, c))
+        target_out[c] = rest[c] + (cur.kept[c] - cur.slope[c] * hinge_moment(cur, cur.C, c))
 
-    return wp.kernel(targets, name="target", module=module, enable_backward=False)
+    return wp.kernel(hinge_target_angles, name="target", module=module, enable_backward=False)
 
 
 @cache
-def stored(real, module):
+def stored_bending_kernel(real, module):
     """Kernel over hinges of such a table: z without damping, and at kept 1/2 k q (D^2 - f^2) [J]."""
-    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, False)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), sheet_curvatures(real), hinge_of(real, False)
     vec3 = wp.array(dtype=t.vec3)
 
-    def stored(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, cur: Curvatures):
+    def stored_bending(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, cur: Curvatures):
         c = wp.tid()
         _X, _V, C, _G = hinge(batch, rest, x, d, d, c)
         angle = wp.float64(C)
-        k = inverse(wp.float64(batch.alpha[c]))
-        f, _slope, _rest = fold(angle)
+        k = inverse_or_zero(wp.float64(batch.alpha[c]))
+        f, _slope, _rest = folded_angle(angle)
         cur.z[c] = real(wp.sqrt(k) * f)
         cur.kept[c] = real(wp.float64(0.5) * k * wp.float64(cur.own[c]) * (angle - f) * (angle + f))
 
-    return wp.kernel(stored, name="hinge_energy", module=module, enable_backward=False)
+    return wp.kernel(stored_bending, name="hinge_energy", module=module, enable_backward=False)
 
 
 @cache
-def energy(real, module):
+def bending_energy_kernel(real, module):
     """Kernel over a fixed number of threads, as many for each world: (0, 0, E [J]) of each thread's share of the triangles and
     hinges, in float64."""
-    Curvatures = curvatures(real)
+    Curvatures = sheet_curvatures(real)
 
-    def energy(cur: Curvatures, triangles: int, hinges: int, worlds: int, out: wp.array(dtype=wp.vec3d)):
+    def sum_bending_energy(cur: Curvatures, triangles: int, hinges: int, worlds: int, out: wp.array(dtype=wp.vec3d)):
         lanes = out.shape[0] // worlds
         world = wp.tid() // lanes
         lane = wp.tid() % lanes
@@ -280,4 +281,4 @@ def energy(real, module):
             sum += wp.float64(cur.kept[e])
         out[wp.tid()] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), sum)
 
-    return wp.kernel(energy, name="bending_energy", module=module, enable_backward=False)
+    return wp.kernel(sum_bending_energy, name="bending_energy", module=module, enable_backward=False)

@@ -1,7 +1,7 @@
 """Adjoint of bending (kernels/cloth/curvature.py), by hand and gathered: of forces at corners, and of the targets of XPBD.
 
-With f, f', f'' of D = theta - theta_0 (`wsim.kernels.cloth.curvature.fold`) and rho = 1 - f'^2, a hinge has without the others
-k q e,
+With f, f', f'' of D = theta - theta_0 (`wsim.kernels.cloth.curvature.folded_angle`) and rho = 1 - f'^2, a hinge has without the
+others k q e,
 
     e = D - f f' + tau rho b       de/dD = rho - f f'' - 2 tau f' f'' b
 
@@ -32,31 +32,31 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import DIHEDRAL, FLAT, dihedral, inverse
-from wsim.kernels.cloth.corner_gradients import reader, works
-from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold, hinge_of, moment, sine_cosine
-from wsim.kernels.cloth.element import elements
+from wsim.kernels.cloth.constraint import DIHEDRAL, FLAT, dihedral_constraint, inverse_or_zero
+from wsim.kernels.cloth.corner_gradients import adjoint_works, corner_reader
+from wsim.kernels.cloth.curvature import SLOTS, folded_angle, hinge_moment, hinge_of, sheet_curvatures, sine_cosine
+from wsim.kernels.cloth.element import force_elements
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 
 
 @wp.func
-def turned(D: Any):
-    """f'' of `fold`."""
+def fold_second_derivative(D: Any):
+    """f'' of `folded_angle`."""
     s, _c = sine_cosine(D)
     return type(D)(-1.5) * s * s * s
 
 
 @wp.func
-def bent(X: Any, G: Any, Q: Any):
-    """How G of `dihedral` changes along Q: G_k = -|E| N_k / |N_k|^2, k = 2, 3, and G_1 = -(t_2 G_2 + t_3 G_3)."""
+def fold_gradient(X: Any, G: Any, Q: Any):
+    """How G of `dihedral_constraint` changes along Q: G_k = -|E| N_k / |N_k|^2, k = 2, 3, and G_1 = -(t_2 G_2 + t_3 G_3)."""
     E = X[0]
     N2 = wp.cross(E, X[1])
     N3 = wp.cross(X[2], E)
     n2 = wp.dot(N2, N2)
     n3 = wp.dot(N3, N3)
     LL = wp.dot(E, E)
-    q = inverse(LL)
+    q = inverse_or_zero(LL)
     two = type(q)(2.0)
     longer = q * wp.dot(E, Q[0])                         # of |E|, over it
     dG1 = type(E)()
@@ -77,13 +77,13 @@ def bent(X: Any, G: Any, Q: Any):
 
 
 @cache
-def _here(real, damped: bool, direct: bool):
+def _hinge_state(real, damped: bool, direct: bool):
     """Function of hinge c of an explicit step: X, V, P (to its first point), and D, tau b, G, a."""
-    t, Elements, Work = types(real), elements(DIHEDRAL, real), works(real)
-    vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
+    t, Elements, Work = types(real), force_elements(DIHEDRAL, real), adjoint_works(real)
+    vec3, by_force = wp.array(dtype=t.vec3), corner_reader(real, direct)
 
     @wp.func
-    def here(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, c: int):
+    def hinge_adjoint_state(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, c: int):
         m = x.shape[0]
         p = batch.point[c]
         i = p[0]
@@ -100,60 +100,61 @@ def _here(real, damped: bool, direct: bool):
             P[k] = by_force(w, j, at + k + 1) - p0
             if wp.static(damped):
                 V[k] = d[(2 + source) * m + j] - d[(2 + source) * m + i]
-        C, G = dihedral(X, batch.rest[c])
+        C, G = dihedral_constraint(X, batch.rest[c])
         b = real(0.0)
         if wp.static(damped):
             b = batch.tau[c] * wp.ddot(G, V)
         return X, V, P, C, b, G, wp.ddot(G, P)
 
-    return here
+    return hinge_adjoint_state
 
 
 @cache
-def products(real, module, damped: bool, direct: bool):
+def bending_product_kernel(real, module, damped: bool, direct: bool):
     """Kernel over hinges: z, y, and a k e at kept. direct: of p, else of what stands at the places of corners."""
-    t, Elements, Work, Curvatures = types(real), elements(DIHEDRAL, real), works(real), curvatures(real)
-    vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
+    t, Elements, Work, Curvatures = types(real), force_elements(DIHEDRAL, real), adjoint_works(real), sheet_curvatures(real)
+    vec3, here = wp.array(dtype=t.vec3), _hinge_state(real, damped, direct)
 
-    def products(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work):
+    def bending_products(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work):
         c = wp.tid()
         _X, _V, _P, C, b, _G, a = here(batch, x, d, source, first, w, c)
-        f, slope, rho = fold(C)
+        f, slope, rho = folded_angle(C)
         root = wp.sqrt(batch.stiffness[c])
         cur.z[c] = root * (f + slope * b)
         cur.y[c] = root * slope * a
         cur.kept[c] = batch.stiffness[c] * a * (C - f * slope + rho * b)
 
     name = "_".join(["adjoint_hinge", *["damped"] * damped, *["direct"] * direct])
-    return wp.kernel(products, name=name, module=module, enable_backward=False)
+    return wp.kernel(bending_products, name=name, module=module, enable_backward=False)
 
 
 @cache
-def corners(real, module, damped: bool, parameters: bool, direct: bool):
+def bending_adjoint_kernel(real, module, damped: bool, parameters: bool, direct: bool):
     """Kernel over hinges: at the places of the points' forces the gradients by their positions, and those by their velocities
     at `rates`; parameters: adds by stiffness, angle at rest, tau. Arguments: those of the kernel of the forces but these, work,
     by."""
-    t, Elements, Work, Curvatures = types(real), elements(DIHEDRAL, real), works(real), curvatures(real)
-    vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
+    t, Elements, Work, Curvatures = types(real), force_elements(DIHEDRAL, real), adjoint_works(real), sheet_curvatures(real)
+    vec3, here = wp.array(dtype=t.vec3), _hinge_state(real, damped, direct)
 
-    def back(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work, by: Elements):
+    def bending_corner_adjoint(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work,
+                               by: Elements):
         c = wp.tid()
         at = first + 4 * c
         X, V, P, C, b, G, a = here(batch, x, d, source, first, w, c)
-        f, slope, rho = fold(C)
-        turn = turned(C)
+        f, slope, rho = folded_angle(C)
+        turn = fold_second_derivative(C)
         e = C - f * slope + rho * b
         k_own = batch.stiffness[c] * cur.own[c]
         root = wp.sqrt(batch.stiffness[c])
-        u = moment(cur, cur.C, c)
-        y = moment(cur, cur.Y, c)
+        u = hinge_moment(cur, cur.C, c)
+        y = hinge_moment(cur, cur.Y, c)
         s = root * ((slope + turn * b) * y + turn * a * u) + k_own * a * (rho - turn * (f + real(2.0) * slope * b))
         Q = (root * slope * u + k_own * e) * P
         r = real(0.0)
         if wp.static(damped):
             r = root * slope * y + k_own * rho * a
             Q += (batch.tau[c] * r) * V
-        by_X = s * G + bent(X, G, Q)
+        by_X = s * G + fold_gradient(X, G, Q)
         sum = t.vec3()
         rate = t.vec3()
         for k in range(3):
@@ -167,22 +168,22 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
         if wp.static(damped):
             w.rates[at] = rate
         if wp.static(parameters):
-            lent = real(0.5) * inverse(root) * ((f + slope * b) * y + slope * a * u)
+            lent = real(0.5) * inverse_or_zero(root) * ((f + slope * b) * y + slope * a * u)
             by.stiffness[c] = by.stiffness[c] - lent - cur.own[c] * a * e
             by.rest[c] = by.rest[c] + s
             if wp.static(damped):
                 by.tau[c] = by.tau[c] - r * wp.ddot(G, V)
 
     name = "_".join(["adjoint_dihedral", *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
-    return wp.kernel(back, name=name, module=module, enable_backward=False)
+    return wp.kernel(bending_corner_adjoint, name=name, module=module, enable_backward=False)
 
 
 @cache
-def values(real, module):
+def curvature_adjoint_kernel(real, module):
     """Kernel over triangles: adds the gradients by `value`. kept: (k a e) or (p e) of hinges."""
-    Curvatures = curvatures(real)
+    Curvatures = sheet_curvatures(real)
 
-    def values(cur: Curvatures, by: Curvatures):
+    def curvature_value_adjoint(cur: Curvatures, by: Curvatures):
         c = wp.tid()
         C = cur.C[c]
         Y = cur.Y[c]
@@ -190,11 +191,11 @@ def values(real, module):
             e = cur.slot[s]
             by.value[s] = by.value[s] - (cur.z[e] * Y + cur.y[e] * C + real(2.0) * cur.kept[e] * cur.value[s])
 
-    return wp.kernel(values, name="adjoint_curvature", module=module, enable_backward=False)
+    return wp.kernel(curvature_value_adjoint, name="adjoint_curvature", module=module, enable_backward=False)
 
 
 @cache
-def swept(real):
+def swept_hinges(real):
     """Struct of what hinges of XPBD have besides their table."""
     t = types(real)
 
@@ -210,53 +211,55 @@ def swept(real):
 
 
 @cache
-def seeds(real, module, damped: bool):
+def target_seed_kernel(real, module, damped: bool):
     """Kernel over hinges of XPBD: z, and y and p e at kept from the gradients by targets."""
-    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, damped)
-    vec3, Swept = wp.array(dtype=t.vec3), swept(real)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), sheet_curvatures(real), hinge_of(real, damped)
+    vec3, Swept = wp.array(dtype=t.vec3), swept_hinges(real)
 
-    def seeds(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept):
+    def seed_target_adjoint(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept):
         c = wp.tid()
         _X, V, C, G = hinge(batch, s.rest, x, d, a, c)
         b = real(0.0)
         if wp.static(damped):
             b = rate * batch.tau[c] * wp.ddot(G, V)
-        f, slope, rho = fold(C)
+        f, slope, rho = folded_angle(C)
         p = s.by_target[c]
         root = wp.sqrt(batch.alpha[c])
-        cur.z[c] = inverse(root) * (f + slope * b)
+        cur.z[c] = inverse_or_zero(root) * (f + slope * b)
         cur.y[c] = root * slope * p
         cur.kept[c] = p * (C - f * slope + rho * b)
 
-    return wp.kernel(seeds, name="adjoint_target_hinge" + "_damped" * damped, module=module, enable_backward=False)
+    return wp.kernel(seed_target_adjoint, name="adjoint_target_hinge" + "_damped" * damped, module=module,
+                     enable_backward=False)
 
 
 @cache
-def targets(real, module, damped: bool):
+def target_adjoint_kernel(real, module, damped: bool):
     """Kernel over hinges of XPBD: adds the gradients by angles at rest, compliance and tau; writes those at corners."""
-    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, damped)
-    vec3, Swept = wp.array(dtype=t.vec3), swept(real)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), sheet_curvatures(real), hinge_of(real, damped)
+    vec3, Swept = wp.array(dtype=t.vec3), swept_hinges(real)
 
-    def back(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept, by: Batch):
+    def target_angle_adjoint(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept, by: Batch):
         c = wp.tid()
         X, V, C, G = hinge(batch, s.rest, x, d, a, c)
-        root = wp.sqrt(inverse(batch.alpha[c]))
-        u = moment(cur, cur.C, c)
-        y = moment(cur, cur.Y, c)
+        root = wp.sqrt(inverse_or_zero(batch.alpha[c]))
+        u = hinge_moment(cur, cur.C, c)
+        y = hinge_moment(cur, cur.Y, c)
         p = s.by_target[c]
-        f, slope, rho = fold(C)
-        turn = turned(C)
+        f, slope, rho = folded_angle(C)
+        turn = fold_second_derivative(C)
         b = real(0.0)
         if wp.static(damped):
             b = rate * batch.tau[c] * wp.ddot(G, V)
         own = cur.own[c] * p
-        r = p - root * (slope + turn * b) * y - inverse(root) * turn * p * u - own * (rho - turn * (f + real(2.0) * slope * b))
+        r = (p - root * (slope + turn * b) * y - inverse_or_zero(root) * turn * p * u
+             - own * (rho - turn * (f + real(2.0) * slope * b)))
         by_X = r * G
         by_V = t.mat33()
         if wp.static(damped):
             v = p - root * slope * y - own * rho
             gamma = rate * batch.tau[c]
-            by_X += (v * gamma) * bent(X, G, V)
+            by_X += (v * gamma) * fold_gradient(X, G, V)
             by_V = (v * gamma) * G
             by.tau[c] = by.tau[c] + rate * v * wp.ddot(G, V)
         s.by_rest[c] = s.by_rest[c] + p - r
@@ -271,17 +274,17 @@ def targets(real, module, damped: bool):
         s.corners[4 * c] = sum
         s.rates[4 * c] = moved
 
-    return wp.kernel(back, name="adjoint_target" + "_damped" * damped, module=module, enable_backward=False)
+    return wp.kernel(target_angle_adjoint, name="adjoint_target" + "_damped" * damped, module=module, enable_backward=False)
 
 
 @cache
-def moved(real, module, damped: bool):
+def point_adjoint_kernel(real, module, damped: bool):
     """Kernel over points: adds what stands at their corners to the gradients by place and displacement; damped: and what stands
     at `rates` to that by displacement, and takes it from that by the anchor. begin, item: corners of each point."""
     t = types(real)
     vec3, ints = wp.array(dtype=t.vec3), wp.array(dtype=int)
 
-    def moved(begin: ints, item: ints, corners: vec3, rates: vec3, by_x: vec3, by_d: vec3, by_a: vec3):
+    def gather_adjoint(begin: ints, item: ints, corners: vec3, rates: vec3, by_x: vec3, by_d: vec3, by_a: vec3):
         i = wp.tid()
         sum = t.vec3()
         rate = t.vec3()
@@ -294,4 +297,4 @@ def moved(real, module, damped: bool):
         if wp.static(damped):
             by_a[i] = by_a[i] - rate
 
-    return wp.kernel(moved, name="adjoint_target_points" + "_damped" * damped, module=module, enable_backward=False)
+    return wp.kernel(gather_adjoint, name="adjoint_target_points" + "_damped" * damped, module=module, enable_backward=False)

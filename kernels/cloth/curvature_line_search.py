@@ -12,11 +12,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral, inverse
-from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold
+from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral_constraint, inverse_or_zero
+from wsim.kernels.cloth.curvature import SLOTS, folded_angle, sheet_curvatures
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.line_search import HALVINGS, Trial
+from wsim.kernels.solver.line_search import HALVINGS, LineSearchTrial
 
 FIRST = 3              # column of the whole step: those before are z at d, and r and s of damping
 COLUMNS = FIRST + 1 + HALVINGS
@@ -24,7 +24,7 @@ D = types(wp.float64)
 
 
 @cache
-def looks(real):
+def hinge_searches(real):
     """Struct of hinges."""
 
     @wp.struct
@@ -36,14 +36,14 @@ def looks(real):
 
 
 @cache
-def hinges(real, module):
+def hinge_search_kernel(real, module):
     """Kernel over bodies times lanes: z, r, s and z of steps of each hinge, at `found`; adds the change of what hinges have
     without others. Arguments: those of `elastic`, and `Looks`."""
-    t, Batch, Looks, formula = types(real), batch_of(DIHEDRAL, real), looks(real), dihedral
+    t, Batch, Looks, formula = types(real), batch_of(DIHEDRAL, real), hinge_searches(real), dihedral_constraint
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.func
-    def relative(ids: wp.vec4i, x: vec3):
+    def relative_rows(ids: wp.vec4i, x: vec3):
         X = D.mat33()
         x0 = D.vec3(x[ids[0]])
         for k in range(3):
@@ -52,24 +52,24 @@ def hinges(real, module):
 
     half = wp.float64(0.5)
 
-    def hinges(trial: Trial, batch: Batch, x: vec3, d: vec3, a: vec3, p: vec3, rate: wp.float64,
-               looks: Looks):
+    def search_hinges(trial: LineSearchTrial, batch: Batch, x: vec3, d: vec3, a: vec3, p: vec3, rate: wp.float64,
+                      looks: Looks):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
             return
         for c in range(trial.first[body] + row - body * trial.lanes, trial.first[body + 1], trial.lanes):
             ids = batch.point[c]
-            M = relative(ids, d)
-            X = relative(ids, x) + M
-            Y = relative(ids, p)
+            M = relative_rows(ids, d)
+            X = relative_rows(ids, x) + M
+            Y = relative_rows(ids, p)
             rest = wp.float64(batch.rest[c])
-            root = wp.sqrt(inverse(wp.float64(batch.alpha[c])))
+            root = wp.sqrt(inverse_or_zero(wp.float64(batch.alpha[c])))
             own = wp.float64(looks.own[c])
             C, G = formula(X, rest)
-            f, slope, lone = fold(C)
+            f, slope, lone = folded_angle(C)
             slow = root * wp.sqrt(rate * wp.float64(batch.tau[c]))
-            r = slow * wp.ddot(G, M - relative(ids, a))
+            r = slow * wp.ddot(G, M - relative_rows(ids, a))
             s = slow * wp.ddot(G, Y)
             looks.found[c, 0] = root * f
             looks.found[c, 1] = slope * r
@@ -78,22 +78,22 @@ def hinges(real, module):
             for k in range(trial.end):
                 if k >= trial.begin:
                     moved, _G = formula(X + part * Y, rest)
-                    after, _slope, _lone = fold(moved)
+                    after, _slope, _lone = folded_angle(moved)
                     looks.found[c, wp.static(FIRST) + k] = root * after
                     gain = half * root * root * ((moved - C) * (moved + C) - (after - f) * (after + f))
                     lost = lone * part * s * (r + half * part * s)
                     trial.change[row, k] = trial.change[row, k] + own * (gain + lost)
                 part *= wp.float64(0.5)
 
-    return wp.kernel(hinges, name=f"trial_hinge_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(search_hinges, name=f"trial_hinge_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def change(real, module):
+def curvature_change_kernel(real, module):
     """Kernel over bodies times lanes: adds the change of the energy and damping of triangles, whose Trial this is."""
-    Curvatures, Looks = curvatures(real), looks(real)
+    Curvatures, Looks = sheet_curvatures(real), hinge_searches(real)
 
-    def change(trial: Trial, cur: Curvatures, looks: Looks):
+    def add_curvature_change(trial: LineSearchTrial, cur: Curvatures, looks: Looks):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
@@ -121,4 +121,4 @@ def change(real, module):
                     trial.change[row, k] = trial.change[row, k] + half * wp.dot(less, more) + wp.dot(step, r + half * step)
                 part *= half
 
-    return wp.kernel(change, name=f"change_curvature_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(add_curvature_change, name=f"change_curvature_{types(real).name}", module=module, enable_backward=False)

@@ -11,42 +11,42 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import MEMBRANE, Constraint, membrane
-from wsim.kernels.math.marks import whole
+from wsim.kernels.cloth.constraint import MEMBRANE, Constraint, membrane_constraint
+from wsim.kernels.math.marks import writes_all
 from wsim.kernels.math.real import types
 
 
 @cache
-def elements(row: Constraint, real):
+def force_elements(row: Constraint, real):
     """Struct of the constraints of one kind: reads only."""
     t = types(real)
     value, stiff = (t.mat22, t.vec4) if row.rows == 3 else (real, real)
 
     @wp.struct
-    class Elements:
+    class ForceElements:
         point: wp.array(dtype=wp.types.vector(row.points, int))
         rest: wp.array(dtype=value)
         stiffness: wp.array(dtype=stiff)     # alpha^-1; of a membrane (uu, uv, shear, vv) of plane stress
         tau: wp.array(dtype=real)            # [s]; only when damped
 
-    return Elements
+    return ForceElements
 
 
 @wp.func
-def stress(S: Any, C: Any):
+def plane_stress_product(S: Any, C: Any):
     """S C of plane stress, S = [[uu, uv, 0], [uv, vv, 0], [0, 0, shear]]."""
     return wp.vector(S[0] * C[0] + S[1] * C[1], S[1] * C[0] + S[3] * C[1], S[2] * C[2])
 
 
 @cache
-def corners(*, real, module, damped: bool):
+def membrane_force_kernel(*, real, module, damped: bool):
     """Kernel over triangles: force on each of their points, f[first + 3 c + k] [N]."""
-    t, Elements = types(real), elements(MEMBRANE, real)
+    t, Elements = types(real), force_elements(MEMBRANE, real)
     vec3 = t.vec3
     rows = wp.types.matrix((2, 3), real)
 
-    def corners(batch: Elements, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, first: int,
-                f_out: wp.array(dtype=vec3)):
+    def membrane_corner_forces(batch: Elements, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, first: int,
+                               f_out: wp.array(dtype=vec3)):
         c = wp.tid()
         m = x.shape[0]
         p = batch.point[c]
@@ -61,10 +61,10 @@ def corners(*, real, module, damped: bool):
             if wp.static(damped):
                 V[k] = d[(2 + source) * m + j] - d[(2 + source) * m + i]
         out = first + 3 * c
-        C, G1, G2 = membrane(X, batch.rest[c])
+        C, G1, G2 = membrane_constraint(X, batch.rest[c])
         if wp.static(damped):
             C += batch.tau[c] * (G1 * V[0] + G2 * V[1])
-        s = stress(batch.stiffness[c], C)
+        s = plane_stress_product(batch.stiffness[c], C)
         f1 = -(wp.transpose(G1) * s)
         f2 = -(wp.transpose(G2) * s)
         f_out[out] = -(f1 + f2)
@@ -72,4 +72,4 @@ def corners(*, real, module, damped: bool):
         f_out[out + 2] = f2
 
     name = "_".join(["corners_membrane", *(["damped"] if damped else []), t.name])
-    return whole(wp.kernel(corners, name=name, module=module, enable_backward=False))
+    return writes_all(wp.kernel(membrane_corner_forces, name=name, module=module, enable_backward=False))

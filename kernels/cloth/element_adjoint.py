@@ -21,14 +21,14 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import MEMBRANE, inverse, polar
-from wsim.kernels.cloth.corner_gradients import reader, works
-from wsim.kernels.cloth.element import elements, stress
+from wsim.kernels.cloth.constraint import MEMBRANE, inverse_or_zero, polar_rows
+from wsim.kernels.cloth.corner_gradients import adjoint_works, corner_reader
+from wsim.kernels.cloth.element import force_elements, plane_stress_product
 from wsim.kernels.math.real import types
 
 
 @wp.func
-def strained(dFu: Any, dFv: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any, over: Any):
+def stretch_change(dFu: Any, dFv: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any, over: Any):
     """How U = (uu, vv, uv) changes along dF; and how R does: by w in its plane, by a and b out of it. over: 1 / det U."""
     w = q * (wp.dot(rv, dFu) - wp.dot(ru, dFv))
     u = over * wp.dot(n, dFu)
@@ -38,7 +38,7 @@ def strained(dFu: Any, dFv: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any, over:
 
 
 @wp.func
-def pulls(s: Any, U: Any, q: Any):
+def cross_row_stress(s: Any, U: Any, q: Any):
     """What s.(dC/dF_u) has of r_v, and s.(dC/dF_v) of r_u; the others are s[0] of r_u and s[1] of r_v."""
     e = q * U[2] * (s[0] - s[1])
     b = (q + q) * s[2]
@@ -46,9 +46,9 @@ def pulls(s: Any, U: Any, q: Any):
 
 
 @wp.func
-def pulled(s: Any, dU: Any, turn: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any):
-    """How both change while s stays, along what `strained` tells."""
-    u, v = pulls(s, U, q)
+def cross_row_stress_change(s: Any, dU: Any, turn: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any):
+    """How both change while s stays, along what `stretch_change` tells."""
+    u, v = cross_row_stress(s, U, q)
     dq = -q * q * (dU[0] + dU[1])
     de = (dq * U[2] + q * dU[2]) * (s[0] - s[1])
     b = (q + q) * s[2]
@@ -60,38 +60,38 @@ def pulled(s: Any, dU: Any, turn: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any)
 
 
 @cache
-def membrane(real, damped: bool):
+def membrane_adjoint_function(real, damped: bool):
     """Function of one triangle: gradients by X, by V, and by stiffness, edges at rest and tau."""
     t = types(real)
     vec3, rows = t.vec3, wp.types.matrix((2, 3), real)
 
     @wp.func
-    def membrane(X: rows, V: rows, P: rows, B: t.mat22, S: t.vec4, tau: real):
+    def membrane_adjoint(X: rows, V: rows, P: rows, B: t.mat22, S: t.vec4, tau: real):
         A = wp.transpose(B)
         F = A * X
-        ru, rv, n, size, q = polar(F[0], F[1])
-        over = inverse(size)
+        ru, rv, n, size, q = polar_rows(F[0], F[1])
+        over = inverse_or_zero(size)
         U = vec3(wp.dot(ru, F[0]), wp.dot(rv, F[1]), wp.dot(ru, F[1]))
         FP = A * P
-        UP, turn = strained(FP[0], FP[1], ru, rv, n, U, q, over)
+        UP, turn = stretch_change(FP[0], FP[1], ru, rv, n, U, q, over)
         a = vec3(UP[0], UP[1], UP[2] + UP[2])
-        sigma = stress(S, a)
+        sigma = plane_stress_product(S, a)
         C = vec3(U[0] - real(1.0), U[1] - real(1.0), U[2] + U[2])
-        u, v = pulls(sigma, U, q)
+        u, v = cross_row_stress(sigma, U, q)
         by_V = wp.matrix_from_rows(sigma[0] * ru + u * rv, sigma[1] * rv + v * ru)           # over tau
         more = rows()
         b = vec3()
         if wp.static(damped):
             FV = A * V
-            UV, turn_V = strained(FV[0], FV[1], ru, rv, n, U, q, over)
+            UV, turn_V = stretch_change(FV[0], FV[1], ru, rv, n, U, q, over)
             b = vec3(UV[0], UV[1], UV[2] + UV[2])
             C += tau * b
-            du, dv = pulled(sigma, UV, turn_V, ru, rv, n, U, q)
+            du, dv = cross_row_stress_change(sigma, UV, turn_V, ru, rv, n, U, q)
             more = tau * wp.matrix_from_rows(du, dv)
-        s = stress(S, C)
-        u, v = pulls(s, U, q)
+        s = plane_stress_product(S, C)
+        u, v = cross_row_stress(s, U, q)
         by_P = wp.matrix_from_rows(s[0] * ru + u * rv, s[1] * rv + v * ru)
-        du, dv = pulled(s, UP, turn, ru, rv, n, U, q)
+        du, dv = cross_row_stress_change(s, UP, turn, ru, rv, n, U, q)
         by_F = by_V + more + wp.matrix_from_rows(du, dv)
         by_B = X * wp.transpose(by_F) + P * wp.transpose(by_P)
         if wp.static(damped):
@@ -99,19 +99,19 @@ def membrane(real, damped: bool):
         return (-B * by_F, -tau * (B * by_V), t.vec4(-C[0] * a[0], -C[0] * a[1] - C[1] * a[0], -C[2] * a[2], -C[1] * a[1]),
                 -by_B, -wp.dot(sigma, b))
 
-    return membrane
+    return membrane_adjoint
 
 
 @cache
-def corners(real, module, damped: bool, parameters: bool, direct: bool):
+def membrane_adjoint_kernel(real, module, damped: bool, parameters: bool, direct: bool):
     """Kernel over triangles: at the places of the points' forces the gradients by their positions, and those by their
     velocities at `rates`; direct: of p, else of what stands at those places; parameters: adds by stiffness, rest, tau.
     Arguments: those of the kernel of the forces but these, work, by."""
-    t, Elements, Work = types(real), elements(MEMBRANE, real), works(real)
-    vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
-    rows, formula = wp.types.matrix((2, 3), real), membrane(real, damped)
+    t, Elements, Work = types(real), force_elements(MEMBRANE, real), adjoint_works(real)
+    vec3, by_force = wp.array(dtype=t.vec3), corner_reader(real, direct)
+    rows, formula = wp.types.matrix((2, 3), real), membrane_adjoint_function(real, damped)
 
-    def back(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, by: Elements):
+    def membrane_corner_adjoint(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, by: Elements):
         c = wp.tid()
         m = x.shape[0]
         p = batch.point[c]
@@ -151,4 +151,4 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
                 by.tau[c] = by.tau[c] + by_tau
 
     name = "_".join(["adjoint_membrane", *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
-    return wp.kernel(back, name=name, module=module, enable_backward=False)
+    return wp.kernel(membrane_corner_adjoint, name=name, module=module, enable_backward=False)

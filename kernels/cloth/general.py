@@ -13,23 +13,23 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import Constraint, inverse
-from wsim.kernels.cloth.corner_gradients import reader, works
-from wsim.kernels.cloth.element import elements
+from wsim.kernels.cloth.constraint import Constraint, inverse_or_zero
+from wsim.kernels.cloth.corner_gradients import adjoint_works, corner_reader
+from wsim.kernels.cloth.element import force_elements
 from wsim.kernels.cloth.hessian import elements_of
 from wsim.kernels.cloth.terms import batch_of
-from wsim.kernels.math.marks import whole
+from wsim.kernels.math.marks import writes_all
 from wsim.kernels.math.real import types
 
 
 @cache
-def corners(row: Constraint, real, module, damped: bool):
+def general_force_kernel(row: Constraint, real, module, damped: bool):
     """Kernel over constraints: force on each of their points, f[first + n c + k] [N]. As kernels/cloth/element.py."""
-    t, Elements, formula, n = types(real), elements(row, real), row.formula, row.points
+    t, Elements, formula, n = types(real), force_elements(row, real), row.formula, row.points
     vec3, m = wp.array(dtype=t.vec3), n - 1
     rows = wp.types.matrix((m, 3), real)
 
-    def corners(batch: Elements, x: vec3, d: vec3, source: int, first: int, f_out: vec3):
+    def general_corner_forces(batch: Elements, x: vec3, d: vec3, source: int, first: int, f_out: vec3):
         c = wp.tid()
         size = x.shape[0]
         p = batch.point[c]
@@ -54,17 +54,17 @@ def corners(row: Constraint, real, module, damped: bool):
         f_out[first + n * c] = f0
 
     name = f"corners_{row.name}{'_damped' * damped}_{t.name}"
-    return whole(wp.kernel(corners, name=name, module=module, enable_backward=False))
+    return writes_all(wp.kernel(general_corner_forces, name=name, module=module, enable_backward=False))
 
 
 @cache
-def element(row: Constraint, real, module):
+def general_element_kernel(row: Constraint, real, module):
     """Kernel over constraints: forces on corners from place at[0], and blocks of pairs (0 1), (0 2) .. (1 2) .. from at[1]."""
     t, Batch, Elements, formula, n = types(real), batch_of(row, real), elements_of(real), row.formula, row.points
     vec3, m, pairs = wp.array(dtype=t.vec3), n - 1, n * (n - 1) // 2
     rows, ends = wp.types.matrix((m, 3), real), wp.types.matrix((n, 3), real)
 
-    def element(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, at: wp.vec2i, out: Elements):
+    def linearise_general(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, at: wp.vec2i, out: Elements):
         c = wp.tid()
         p = batch.point[c]
         i = p[0]
@@ -76,7 +76,7 @@ def element(row: Constraint, real, module):
             X[k] = (x[j] - x[i]) + moved
             V[k] = moved - (a[j] - a[i])
         C, H = formula(X, batch.rest[c])
-        stiffness = inverse(batch.alpha[c])
+        stiffness = inverse_or_zero(batch.alpha[c])
         gamma = rate * batch.tau[c]
         b = real(0.0)
         G = ends()
@@ -94,17 +94,17 @@ def element(row: Constraint, real, module):
                 out.block[place] = ((real(1.0) + gamma) * stiffness) * wp.outer(G[k], G[j])
                 place += 1
 
-    return wp.kernel(element, name=f"element_{row.name}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(linearise_general, name=f"element_{row.name}_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def product(row: Constraint, real, damped: bool):
+def force_product_function(row: Constraint, real, damped: bool):
     """Function sum_k p_k.f_k of one constraint: (X, V, P, rest, stiffness, tau)."""
     formula, m = row.formula, row.points - 1
     rows = wp.types.matrix((m, 3), real)
 
     @wp.func
-    def product(X: rows, V: rows, P: rows, rest: real, stiffness: real, tau: real):
+    def force_product(X: rows, V: rows, P: rows, rest: real, stiffness: real, tau: real):
         C, G = formula(X, rest)
         a = real(0.0)
         b = real(0.0)
@@ -114,28 +114,28 @@ def product(row: Constraint, real, damped: bool):
                 b += wp.dot(G[k], V[k])
         return -stiffness * (C + tau * b) * a
 
-    return product
+    return force_product
 
 
-def need(row: Constraint, real, module, damped: bool) -> None:
-    """A kernel that never runs, without which Warp 1.19 leaves the adjoints of what `product` calls empty."""
-    formula, rows = product(row, real, damped), wp.types.matrix((row.points - 1, 3), real)
+def force_product_dummy(row: Constraint, real, module, damped: bool) -> None:
+    """A kernel that never runs, without which Warp 1.19 leaves the adjoints of what `force_product_function` calls empty."""
+    formula, rows = force_product_function(row, real, damped), wp.types.matrix((row.points - 1, 3), real)
 
-    def called(rest: real, stiffness: real, tau: real, out: wp.array(dtype=real)):
+    def call_force_product(rest: real, stiffness: real, tau: real, out: wp.array(dtype=real)):
         out[0] = formula(rows(), rows(), rows(), rest, stiffness, tau)
 
     name = f"need_forces_{row.name}{'_damped' * damped}_{types(real).name}"
-    wp.kernel(called, name=name, module=module, enable_backward=True)
+    wp.kernel(call_force_product, name=name, module=module, enable_backward=True)
 
 
 @cache
 def corners_adjoint(row: Constraint, real, module, damped: bool, parameters: bool, direct: bool):
-    """Kernel over constraints, as `corners` of kernels/cloth/element_adjoint.py."""
-    t, Elements, Work = types(real), elements(row, real), works(real)
-    vec3, by_force, n, m = wp.array(dtype=t.vec3), reader(real, direct), row.points, row.points - 1
-    rows, formula = wp.types.matrix((m, 3), real), product(row, real, damped)
+    """Kernel over constraints, as `general_force_kernel` of kernels/cloth/element_adjoint.py."""
+    t, Elements, Work = types(real), force_elements(row, real), adjoint_works(real)
+    vec3, by_force, n, m = wp.array(dtype=t.vec3), corner_reader(real, direct), row.points, row.points - 1
+    rows, formula = wp.types.matrix((m, 3), real), force_product_function(row, real, damped)
 
-    def back(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, by: Elements):
+    def general_corner_adjoint(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, by: Elements):
         c = wp.tid()
         size = x.shape[0]
         p = batch.point[c]
@@ -172,23 +172,23 @@ def corners_adjoint(row: Constraint, real, module, damped: bool, parameters: boo
             if wp.static(damped):
                 by.tau[c] = by.tau[c] + gtau
 
-    need(row, real, module, damped)
+    force_product_dummy(row, real, module, damped)
     name = "_".join(["adjoint", row.name, *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
-    return wp.kernel(back, name=name, module=module, enable_backward=False)
+    return wp.kernel(general_corner_adjoint, name=name, module=module, enable_backward=False)
 
 
 @cache
-def evaluation(row: Constraint):
+def constraint_probe_kernel(row: Constraint):
     """Kernel over constraints, float64, module of its own: C and G (m, n - 1, 3) of points relative to the first."""
     formula, m = row.formula, row.points - 1
     relative = wp.types.matrix((m, 3), wp.float64)
 
-    def evaluate(X: wp.array(dtype=relative), rest: wp.array(dtype=wp.float64), C_out: wp.array(dtype=wp.float64),
-                 G_out: wp.array2d(dtype=wp.vec3d)):
+    def probe_constraint(X: wp.array(dtype=relative), rest: wp.array(dtype=wp.float64), C_out: wp.array(dtype=wp.float64),
+                         G_out: wp.array2d(dtype=wp.vec3d)):
         c = wp.tid()
         C, G = formula(X[c], rest[c])
         C_out[c] = C
         for k in range(m):
             G_out[c, k] = G[k]
 
-    return wp.kernel(evaluate, name=f"evaluate_{row.name}", module="unique", enable_backward=False)
+    return wp.kernel(probe_constraint, name=f"evaluate_{row.name}", module="unique", enable_backward=False)

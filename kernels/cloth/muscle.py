@@ -18,25 +18,25 @@ LANES = 32             # threads a group
 
 
 @cache
-def contract(real, module):
+def muscle_contraction_kernel(real, module):
     """Kernel over entries of a table of springs: their lengths [m] by a row of the factors."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def contract(group: wp.array(dtype=int), rest: wp.array(dtype=real), factor: wp.array2d(dtype=real), row: int,
-                 length_out: wp.array(dtype=real)):
+    def contract_muscles(group: wp.array(dtype=int), rest: wp.array(dtype=real), factor: wp.array2d(dtype=real), row: int,
+                         length_out: wp.array(dtype=real)):
         e = wp.tid()
         length_out[e] = factor[row, group[e]] * rest[e]
 
-    return contract
+    return contract_muscles
 
 
 @cache
-def shares(real, module):
+def muscle_share_kernel(real, module):
     """Kernel over the lanes of the groups: parts of the derivatives by the factors. item: entries by group, first: of each."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def shares(first: wp.array(dtype=int), item: wp.array(dtype=int), rest: wp.array(dtype=real),
-               by_length: wp.array(dtype=real), share_out: wp.array(dtype=real)):
+    def muscle_factor_shares(first: wp.array(dtype=int), item: wp.array(dtype=int), rest: wp.array(dtype=real),
+                             by_length: wp.array(dtype=real), share_out: wp.array(dtype=real)):
         i = wp.tid()
         g = i // LANES
         total = real(0.0)
@@ -44,17 +44,19 @@ def shares(real, module):
             total += rest[item[k]] * by_length[item[k]]
         share_out[i] = total
 
-    return shares
+    return muscle_factor_shares
 
 
 @cache
-def release(real, module):
-    """Kernel over entries: adds to the derivatives by what `contract` has read, and clears that by what it wrote. The first
-    threads add the shares of a group, too."""
+def muscle_release_kernel(real, module):
+    """Kernel over entries: adds to the derivatives by what `muscle_contraction_kernel` has read, and clears that by what it
+    wrote. The first threads add the shares of a group, too."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def release(group: wp.array(dtype=int), factor: wp.array2d(dtype=real), share: wp.array(dtype=real), row: int,
-                by_length: wp.array(dtype=real), by_rest: wp.array(dtype=real), by_factor: wp.array2d(dtype=real)):
+    def release_muscle_gradient(group: wp.array(dtype=int), factor: wp.array2d(dtype=real), share: wp.array(dtype=real),
+                                row: int,
+                                by_length: wp.array(dtype=real), by_rest: wp.array(dtype=real),
+                                by_factor: wp.array2d(dtype=real)):
         e = wp.tid()
         if e < group.shape[0]:
             by_rest[e] = by_rest[e] + factor[row, group[e]] * by_length[e]
@@ -65,4 +67,4 @@ def release(real, module):
                 total += share[k]
             by_factor[row, e] = total
 
-    return release
+    return release_muscle_gradient

@@ -16,17 +16,17 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
+from wsim.kernels.cloth.constraint import inverse_or_zero
 from wsim.kernels.math.real import types
 
 
 @cache
-def net(real):
+def spring_nets(real):
     """Struct of what each point keeps for the whole run: reads only."""
     t = types(real)
 
     @wp.struct
-    class Net:
+    class SpringNet:
         w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,); 0 goes where its pin is
         object: wp.array(dtype=int)          # object of each point, (points,)
         gravity: wp.array(dtype=t.vec3)      # [m/s^2], (objects,)
@@ -42,7 +42,7 @@ def net(real):
         first: wp.array(dtype=int)           # corner forces of each point: item[first[i]:first[i + 1]], (points + 1,)
         item: wp.array(dtype=int)
 
-    return Net
+    return SpringNet
 
 
 BUTTERFLY = """
@@ -57,50 +57,52 @@ BUTTERFLY = """
 
 
 @cache
-def together(vec3, lanes: int):
+def lane_sum_function(vec3, lanes: int):
     """Function: sum of v over the `lanes` threads of a point, the same in each; all of them must come. A CPU has one."""
 
     @wp.func_native(BUTTERFLY.format(lanes=lanes))
-    def together(v: vec3) -> vec3: ...
+    def lane_sum(v: vec3) -> vec3: ...
 
-    return together
+    return lane_sum
 
 
-def halves(whole, sums: int, lanes: int):
+def butterfly_halves(whole, sums: int, lanes: int):
     """Function: what a lane has of a point, part `part` and every `lanes`-th after it, added as a butterfly adds them. whole:
     function of one part."""
     if sums <= lanes:
         return whole
-    each = halves(whole, sums, 2 * lanes)
+    each = butterfly_halves(whole, sums, 2 * lanes)
 
     @wp.func
-    def both(net: Any, f: Any, x: Any, d: Any, i: int, part: int, source: int):
+    def sum_both_halves(net: Any, f: Any, x: Any, d: Any, i: int, part: int, source: int):
         return each(net, f, x, d, i, part, source) + each(net, f, x, d, i, part + wp.static(lanes), source)
 
-    return both
+    return sum_both_halves
 
 
 @cache
-def gather(real, *, lanes: int = 1, sums: int = 1, width: int = 0, added: bool = False, exact: bool = False, **there):
+def spring_gather_function(real, *, lanes: int = 1, sums: int = 1, width: int = 0, added: bool = False, exact: bool = False,
+                           **there):
     """Function: what lane `lane` of point i sums of its forces [N], copy `source` of d. there: springs, corners, damped. See
-    `acceleration`."""
+    `acceleration_function`."""
     t = types(real)
     springs, corners, damped = there["springs"], there["corners"], there["damped"]
-    Net, vec3, gain = net(real), t.vec3, None
+    Net, vec3, squared_length_gain = spring_nets(real), t.vec3, None
     if exact:
-        from wsim.kernels.math.compensated import gain
+        from wsim.kernels.math.compensated import squared_length_gain
 
     @wp.func
-    def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, x0: vec3, d0: vec3, v0: vec3, source: int):
+    def spring_force(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, x0: vec3, d0: vec3, v0: vec3,
+                     source: int):
         n = x.shape[0]
         j = net.other[c]
         k = net.k[c]
         rest = net.rest[c]
         r = (x[j] - x0) + (d[source * n + j] - d0)
         L = wp.length(r)
-        over = inverse(L)
+        over = inverse_or_zero(L)
         if wp.static(exact):
-            s = k * over * inverse(L + rest) * gain(x0, x[j], d0, d[source * n + j], rest, net.left[c])
+            s = k * over * inverse_or_zero(L + rest) * squared_length_gain(x0, x[j], d0, d[source * n + j], rest, net.left[c])
         else:
             s = k - k * rest * over
         if wp.static(damped):
@@ -108,8 +110,8 @@ def gather(real, *, lanes: int = 1, sums: int = 1, width: int = 0, added: bool =
         return s * r
 
     @wp.func
-    def gathered(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, part: int,
-                 source: int):
+    def gather_spring_part(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int,
+                           part: int, source: int):
         """By itself: adjoints see of a sum in a loop what it was before, so who calls may multiply it, but not this."""
         n = x.shape[0]
         x0 = x[i]
@@ -121,32 +123,33 @@ def gather(real, *, lanes: int = 1, sums: int = 1, width: int = 0, added: bool =
         if wp.static(springs and not added):
             if wp.static(width > 0):
                 for e in range(wp.static(width // sums)):
-                    force += spring(net, x, d, i * width + part + e * sums, x0, d0, v0, source)
+                    force += spring_force(net, x, d, i * width + part + e * sums, x0, d0, v0, source)
             else:
                 for c in range(net.start[i] + part, net.start[i + 1], sums):
-                    force += spring(net, x, d, c, x0, d0, v0, source)
+                    force += spring_force(net, x, d, c, x0, d0, v0, source)
         if wp.static(corners):
             for e in range(net.first[i] + part, net.first[i + 1], sums):
                 force += f[net.item[e]]
         return force
 
-    return halves(gathered, sums, lanes)
+    return butterfly_halves(gather_spring_part, sums, lanes)
 
 
 @cache
-def acceleration(real, *, lanes: int = 1, field=None, **kinds):
+def acceleration_function(real, *, lanes: int = 1, field=None, **kinds):
     """Function: acceleration [m/s^2] of point i, copy `source` of d; `lane` is which of its `lanes` threads this is.
 
     springs, corners, damped: what there is. sums: parts of a sum, a power of 2 times `lanes`, of which `width` is a multiple.
     added: the springs' forces are summed already, in f[i]
-    (kernels/motion/march_cpu.py). width: every point has so many entries, the last of which may pull at nothing; 0: see
-    `Net.start`. exact: see kernels/math/compensated.py. field: function (x + d, v~) -> acceleration."""
+    (kernels/motion/fast_paths/march_cpu.py). width: every point has so many entries, the last of which may pull at nothing; 0:
+    see `Net.start`. exact: see kernels/math/compensated.py. field: function (x + d, v~) -> acceleration."""
     t = types(real)
-    Net, vec3, total, gathered = net(real), t.vec3, together(t.vec3, lanes), gather(real, lanes=lanes, **kinds)
+    Net, vec3, total, gathered = (spring_nets(real), t.vec3, lane_sum_function(t.vec3, lanes),
+                                  spring_gather_function(real, lanes=lanes, **kinds))
 
     @wp.func
-    def acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,
-                     source: int):
+    def point_acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int,
+                           lane: int, source: int):
         n = x.shape[0]
         o = net.object[i]
         pull = net.gravity[o]                             # read before the springs: the reads then wait together
@@ -161,18 +164,18 @@ def acceleration(real, *, lanes: int = 1, field=None, **kinds):
             a += field(x[i] + d[source * n + i], v0)
         return a
 
-    return acceleration
+    return point_acceleration
 
 
 @cache
-def stretched(real, module):
+def overstretch_kernel(real, module):
     """Kernel over edges: status[own] becomes at least 1 where one is longer than `most` times its rest length [m] or not
     finite, and status[each + body] the largest percentage of it. first (bodies + 1,): a body's edges."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def stretched(point: wp.array(dtype=wp.vec2i), rest: wp.array(dtype=real), most: real, first: wp.array(dtype=int),
-                  x: wp.array(dtype=t.vec3), own: int, each: int, status: wp.array(dtype=int)):
+    def find_overstretched(point: wp.array(dtype=wp.vec2i), rest: wp.array(dtype=real), most: real, first: wp.array(dtype=int),
+                           x: wp.array(dtype=t.vec3), own: int, each: int, status: wp.array(dtype=int)):
         c = wp.tid()
         p = point[c]
         length = wp.length(x[p[1]] - x[p[0]])
@@ -183,4 +186,4 @@ def stretched(real, module):
             wp.atomic_max(status, own, 1)
             wp.atomic_max(status, each + body, int(wp.min(real(100.0) * length / rest[c], real(1.0e9))))
 
-    return stretched
+    return find_overstretched

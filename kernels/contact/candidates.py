@@ -24,9 +24,9 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, entered_face, normal, part, reading, settled, toward
-from wsim.kernels.contact.project import tables
-from wsim.kernels.math.face import FAR, SLACK, away, box, edge_length, equal_distance, nearer, sooner, weighted
+from wsim.kernels.contact import mesh as meshes
+from wsim.kernels.contact.project import contact_tables
+from wsim.kernels.math import face as faces
 from wsim.kernels.math.real import types
 
 MOST = 128             # faces of a list: one with more is no faster than the tree
@@ -37,7 +37,7 @@ HOLD = 8               # substeps behind one that was near in which no distance 
 
 
 @wp.func
-def put(L: Any, first: int, count: int, dist: float, face: int):
+def insert_face_by_distance(L: Any, first: int, count: int, dist: float, face: int):
     """Puts a face into a list of `count` that begins at `first`, by its distance."""
     n = L.w.shape[0]
     j = int(count)
@@ -50,18 +50,18 @@ def put(L: Any, first: int, count: int, dist: float, face: int):
 
 
 @wp.func
-def make(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, radius: float, moved: float):
+def make_face_list(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, radius: float, moved: float):
     """Makes the list of slot s and point i: the faces within `radius` of q; moved: what the mesh may move meanwhile [m].
     Returns their number."""
     face = int(0)
     count = int(0)
-    low, high = box(q, radius)
+    low, high = faces.query_box(q, radius)
     query = wp.mesh_query_aabb(mesh, low, high)
     while wp.mesh_query_aabb_next(query, face):
-        dist, _p = away(mesh, face, q)
+        dist, _p = faces.face_distance(mesh, face, q)
         if dist <= radius:
             if count < L.room:
-                put(L, s * L.room * L.w.shape[0] + i, count, dist - moved, face)
+                insert_face_by_distance(L, s * L.room * L.w.shape[0] + i, count, dist - moved, face)
             count += 1
     at = s * L.w.shape[0] + i
     L.count[at] = count
@@ -71,7 +71,7 @@ def make(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, radius: float, mo
 
 
 @wp.func
-def ends(L: Any, i: int, k: int):
+def expire_lists(L: Any, i: int, k: int):
     """Ends the lists of a point that others follow."""
     if k % L.every == 0:
         for s in range(L.count.shape[0] // L.w.shape[0]):
@@ -79,19 +79,19 @@ def ends(L: Any, i: int, k: int):
 
 
 @wp.func
-def within(L: Any, at: int, q: wp.vec3f, reach: float):
+def list_reach_bound(L: Any, at: int, q: wp.vec3f, reach: float):
     """Distance from where a list was made that no face goes beyond which is within `reach` of q."""
     gone = wp.length(q - L.place[at])
-    return reach + gone + SLACK * (gone + wp.max(wp.abs(q)))
+    return reach + gone + faces.SLACK * (gone + wp.max(wp.abs(q)))
 
 
 @cache
-def refresh(real):
+def list_refresh_func(real):
     """Function (c, L, row, i, k, ends, near): makes the list of a row and point i where it ends, or would not do."""
-    Rows = tables(real)[0]
+    Rows = contact_tables(real)[0]
 
     @wp.func
-    def refresh(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
+    def refresh_face_list(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
         s = L.slot[row]
         at = s * L.w.shape[0] + i
         q = wp.vec3f(ends[1])
@@ -102,17 +102,17 @@ def refresh(real):
                 moved += float(c.stride[later, row])
             spare = AHEAD * float(end - k) * float(wp.length(ends[1] - ends[0])) + float(0.5) * float(c.skin) + moved
             tries = int(0)
-            while make(c.of.mesh[row], L, s, i, q, float(near) + moved + spare, moved) > L.room and tries < HALVES:
+            while make_face_list(c.of.mesh[row], L, s, i, q, float(near) + moved + spare, moved) > L.room and tries < HALVES:
                 spare *= float(0.5)
                 tries += 1
             if L.count[at] > L.room:
                 wp.atomic_max(L.wanted, 0, wp.min(L.count[at], MOST))
 
-    return refresh
+    return refresh_face_list
 
 
 @wp.func
-def deform(c: Any, L: Any, o: int, i: int, k: int):
+def deduct_mesh_deformation(c: Any, L: Any, o: int, i: int, k: int):
     """Takes off from what a point i of object o is known to be far by what meshes move in their own frames in substep k."""
     for row in range(c.first[o], c.first[o + 1]):
         s = L.slot[row]
@@ -121,17 +121,17 @@ def deform(c: Any, L: Any, o: int, i: int, k: int):
 
 
 @cache
-def far(real):
+def mesh_clearance_func(real):
     """Function (c, L, row, i, k, ends, near): True if no face of a mesh is within `near` of point i where it ends; False: it is
     not known. A distance D from q holds as long as |q1 - q| + near <= D; it is measured anew where it does not, but for the
     next HOLD substeps where the mesh was near. L: place q, radius D less what the mesh has moved, count: substeps to wait."""
-    Rows = tables(real)[0]
+    Rows = contact_tables(real)[0]
 
     @wp.func
-    def far(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
+    def is_clear_of_mesh(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
         at = L.slot[row] * L.w.shape[0] + i
         q = wp.vec3f(ends[1])
-        rounded = SLACK * wp.max(wp.abs(q))
+        rounded = faces.SLACK * wp.max(wp.abs(q))
         if L.count[at] > 0:
             L.count[at] -= 1
             return False
@@ -143,21 +143,21 @@ def far(real):
         if found.result:
             dist = wp.length(q - wp.mesh_eval_position(c.of.mesh[row], found.face, found.u, found.v))
         L.place[at] = q
-        L.radius[at] = dist - SLACK * dist - rounded
+        L.radius[at] = dist - faces.SLACK * dist - rounded
         if float(near) + rounded <= L.radius[at]:
             return True
         L.count[at] = HOLD
         return False
 
-    return far
+    return is_clear_of_mesh
 
 
 @wp.func
-def nearest(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, near: float):
+def nearest_listed_face(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, near: float):
     """(face nearer than `near` or -1, its distance [m])."""
     count = L.count[s * L.w.shape[0] + i]
-    gone = within(L, s * L.w.shape[0] + i, q, 0.0)
-    dist = float(FAR)
+    gone = list_reach_bound(L, s * L.w.shape[0] + i, q, 0.0)
+    dist = float(faces.FAR)
     first = int(-1)
     face = int(0)
     if count <= L.room:
@@ -165,68 +165,69 @@ def nearest(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, near: float):
             at = (s * L.room + j) * L.w.shape[0] + i
             if L.far[at] - gone > wp.min(dist, near):
                 break
-            dist, first = nearer(mesh, L.face[at], q, dist, first)
+            dist, first = faces.nearer_face(mesh, L.face[at], q, dist, first)
     else:
-        low, high = box(q, near)
+        low, high = faces.query_box(q, near)
         query = wp.mesh_query_aabb(mesh, low, high)
         while wp.mesh_query_aabb_next(query, face):
-            dist, first = nearer(mesh, face, q, dist, first)
+            dist, first = faces.nearer_face(mesh, face, q, dist, first)
     if not dist < near:
         first = -1
     return first, dist
 
 
 @wp.func
-def side(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, nearest: int, dist: float):
+def side_of_listed_faces(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, nearest: int, dist: float):
     """1, or -1 where q is behind the surface: by the faces no further than the nearest one, but for rounding."""
-    eps = equal_distance(mesh, q) * edge_length(mesh)
+    eps = faces.equal_distance(mesh, q) * faces.edge_length(mesh)
     count = L.count[s * L.w.shape[0] + i]
     n = wp.vec3f()
     face = int(0)
     if count <= L.room:
-        last = within(L, s * L.w.shape[0] + i, q, dist + eps)
+        last = list_reach_bound(L, s * L.w.shape[0] + i, q, dist + eps)
         for j in range(count):
             at = (s * L.room + j) * L.w.shape[0] + i
             if L.far[at] > last:
                 break
-            n += weighted(mesh, L.face[at], q, dist + eps, eps)
+            n += faces.angle_weighted_normal(mesh, L.face[at], q, dist + eps, eps)
     else:
-        low, high = box(q, dist + eps)
+        low, high = faces.query_box(q, dist + eps)
         query = wp.mesh_query_aabb(mesh, low, high)
         while wp.mesh_query_aabb_next(query, face):
-            n += weighted(mesh, face, q, dist + eps, eps)
-    _dist, p = away(mesh, nearest, q)
+            n += faces.angle_weighted_normal(mesh, face, q, dist + eps, eps)
+    _dist, p = faces.face_distance(mesh, nearest, q)
     return wp.where(wp.dot(n, q - p) > float(0.0), float(1.0), float(-1.0))
 
 
 @wp.func
-def hit(mesh: wp.uint64, L: Any, s: int, i: int, start: wp.vec3f, way: wp.vec3f, length: float):
+def first_listed_face_hit(mesh: wp.uint64, L: Any, s: int, i: int, start: wp.vec3f, way: wp.vec3f, length: float):
     """The first face on a ray of that length, -1: none. Its end is q1, so that all it may meet is near there."""
     count = L.count[s * L.w.shape[0] + i]
     t = length
     first = int(-1)
     face = int(0)
     if count <= L.room:
-        last = within(L, s * L.w.shape[0] + i, start + length * way, length)
+        last = list_reach_bound(L, s * L.w.shape[0] + i, start + length * way, length)
         for j in range(count):
             at = (s * L.room + j) * L.w.shape[0] + i
             if L.far[at] > last:
                 break
-            t, first = sooner(mesh, L.face[at], start, way, t, first)
+            t, first = faces.sooner_face_hit(mesh, L.face[at], start, way, t, first)
     else:
-        low, high = box(start + float(0.5) * length * way, float(0.5) * length)
+        low, high = faces.query_box(start + float(0.5) * length * way, float(0.5) * length)
         query = wp.mesh_query_aabb(mesh, low, high)
         while wp.mesh_query_aabb_next(query, face):
-            t, first = sooner(mesh, face, start, way, t, first)
+            t, first = faces.sooner_face_hit(mesh, face, start, way, t, first)
     return first
 
 
 @cache
-def touch_listed(kinds: tuple[str, ...], real):
+def listed_touch_func(kinds: tuple[str, ...], real):
     """Function (c, L, row, i, deep, ends, reach: r and margin) -> (C, n, p, s0, slip) of a point that goes from ends[0] to
     ends[1], as `mesh.touch_mesh`, by its list. deep: it may be inside."""
-    t, Rows, (corners, steps), formula = types(real), tables(real)[0], reading(real), settled(real)
-    cross, enter = crossing(real), entered_face(real)
+    t, Rows, (corners, steps), formula = (types(real), contact_tables(real)[0], meshes.corner_readers(real),
+                                          meshes.mesh_plane_func(real))
+    cross, enter = meshes.crossing_func(real), meshes.entered_face(real)
     has_solid = "solid" in kinds
 
     @wp.func
@@ -240,18 +241,18 @@ def touch_listed(kinds: tuple[str, ...], real):
         Y = t.mat33()
         front = real(0.0)
         if wp.abs(way[2][0]) < length:
-            crossed = hit(mesh, L, s, i, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
+            crossed = first_listed_face_hit(mesh, L, s, i, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
             if crossed >= 0:
                 Y, front = cross(kind, mesh, crossed, q1 - start)
             if has_solid:
-                if kind == SOLID and front == real(0.0) and (crossed >= 0 or way[2][0] < real(0.0)):
-                    began, _far = nearest(mesh, L, s, i, wp.vec3f(start), float(way[2][1] - length))
+                if kind == meshes.SOLID and front == real(0.0) and (crossed >= 0 or way[2][0] < real(0.0)):
+                    began, _far = nearest_listed_face(mesh, L, s, i, wp.vec3f(start), float(way[2][1] - length))
                     if began >= 0 and began != at[2]:
                         Y, front = enter(mesh, began, start, q1)
         return Y, front
 
     @wp.func
-    def touch_listed(c: Rows, L: Any, row: int, i: int, deep: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
+    def touch_listed_mesh(c: Rows, L: Any, row: int, i: int, deep: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
         kind, mesh, s = c.of.kind[row], c.of.mesh[row], L.slot[row]
         q1 = ends[1]
         most = float(reach[0] + reach[1])
@@ -263,32 +264,32 @@ def touch_listed(kinds: tuple[str, ...], real):
         q = wp.vec3f(q1)
         sign = float(1.0)
         face = int(-1)
-        near = float(FAR)
-        if kind != SOLID or deep == 0:
-            face, near = nearest(mesh, L, s, i, q, most)
+        near = float(faces.FAR)
+        if kind != meshes.SOLID or deep == 0:
+            face, near = nearest_listed_face(mesh, L, s, i, q, most)
         if has_solid:
-            if kind == SOLID and deep != 0:
+            if kind == meshes.SOLID and deep != 0:
                 wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.of.size[row][0])))
                 if wound.result:
                     face = wound.face
                     sign = wound.sign
         if face >= 0:
-            what, first = part(corners(mesh, face, 0), q1)
+            what, first = meshes.nearest_feature(corners(mesh, face, 0), q1)
             X = corners(mesh, face, first)
             V = steps(mesh, face, first)
-            behind = what == INSIDE and wp.dot(normal(X), q1 - X[0]) < real(0.0)
+            behind = what == meshes.INSIDE and wp.dot(meshes.triangle_normal(X), q1 - X[0]) < real(0.0)
             if has_solid:
-                if kind == SOLID and deep == 0:
+                if kind == meshes.SOLID and deep == 0:
                     sign = wp.where(behind, float(-1.0), float(1.0))
-                    if what != INSIDE:
-                        sign = side(mesh, L, s, i, q, face, near)
+                    if what != meshes.INSIDE:
+                        sign = side_of_listed_faces(mesh, L, s, i, q, face, near)
             gap = real(sign)
             if behind:
                 gap = -gap
-            dist, _n, slip = toward(X, V, what, gap, q1)
-            Y, front = through(kind, L, wp.vec3i(row, i, wp.where(what == INSIDE, face, -1)), mesh,
+            dist, _n, slip = meshes.feature_distance(X, V, what, gap, q1)
+            Y, front = through(kind, L, wp.vec3i(row, i, wp.where(what == meshes.INSIDE, face, -1)), mesh,
                                wp.matrix_from_rows(ends[0] + slip, q1, t.vec3(dist, real(most), real(0.0))))
             C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), ends, reach[0])
         return C, n, p, s0, slip
 
-    return touch_listed
+    return touch_listed_mesh

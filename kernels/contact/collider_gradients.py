@@ -8,7 +8,7 @@ gradient by where the point is seen from it, y = x - o, N that by the normal, W 
 A frame's shift and turn are linear in time between those where it begins and where it ends.
 
 Of a mesh whose points move besides, each contact leaves its gradients by the corners of the faces that it was found on
-(`corners`), in the mesh's own frame; sums over contacts are the host's, so that their order does not depend on threads.
+(`corner_type`), in the mesh's own frame; sums over contacts are the host's, so that their order does not depend on threads.
 """
 
 from functools import cache
@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact.project_adjoint import ways
+from wsim.kernels.contact.project_adjoint import motion_gradient_type
 from wsim.kernels.math.real import types
 
 
@@ -31,7 +31,7 @@ def turned_back(step: Any, T0: Any, f: Any):
 
 
 @wp.func
-def seen(c: Any, row: int, k: int, N: Any, W: Any):
+def gradients_in_frame(c: Any, row: int, k: int, N: Any, W: Any):
     """Gradients in the frame of a collider, in rows: by n, by where it is touched and by slip, from N and W."""
     R1 = wp.transform_get_rotation(c.of.pose[k + 1, row])
     back = turned_back(c.of.step[k, row], c.of.pose[k, row], W)
@@ -39,9 +39,9 @@ def seen(c: Any, row: int, k: int, N: Any, W: Any):
 
 
 @wp.func
-def moved(c: Any, row: int, k: int, x: Any, d: Any, G: Any, at: Any):
-    """Gradients by the collider's motion in substep k, in parts of the frame: rows as in `ways`. Rows of G: by start and end of
-    the path, by n and by the way; of at: n, where the surface is touched, and its own way."""
+def pose_slope(c: Any, row: int, k: int, x: Any, d: Any, G: Any, at: Any):
+    """Gradients by the collider's motion in substep k, in parts of the frame: rows as in `motion_gradient_type`. Rows of G: by
+    start and end of the path, by n and by the way; of at: n, where the surface is touched, and its own way."""
     T0 = c.of.pose[k, row]
     T1 = c.of.pose[k + 1, row]
     y0 = x - wp.transform_get_translation(T0)
@@ -62,26 +62,27 @@ def moved(c: Any, row: int, k: int, x: Any, d: Any, G: Any, at: Any):
 
 
 @cache
-def corners(real):
+def corner_type(real):
     """Struct of gradients by corners of meshes, (substeps, slots): row of the table of colliders or -1, faces as
     `mesh.look` has them, and in rows those by X, V and Y of kernels/contact/mesh.py [1/m]."""
 
     @wp.struct
-    class Corners:
+    class CornerGradients:
         row: wp.array2d(dtype=int)
         face: wp.array2d(dtype=wp.vec3i)
         by: wp.array2d(dtype=wp.types.matrix((9, 3), real))
 
-    return Corners
+    return CornerGradients
 
 
 @cache
-def sums(real, module):
+def collider_gradient_sum_kernel(real, module):
     """Kernel over (objects, rows of an object, lanes): sums over the points of an object, start[o] .. start[o + 1], of what was
     gathered of its colliders' motions, which is zero then; each lane takes every `lanes`-th."""
-    Ways = ways(real)
+    Ways = motion_gradient_type(real)
 
-    def sums(start: wp.array(dtype=int), points: int, motion: wp.array(dtype=Ways), sum_out: wp.array3d(dtype=Ways)):
+    def sum_collider_gradients(start: wp.array(dtype=int), points: int, motion: wp.array(dtype=Ways),
+                               sum_out: wp.array3d(dtype=Ways)):
         o, row, lane = wp.tid()
         found = Ways()
         for i in range(start[o] + lane, start[o + 1], sum_out.shape[2]):
@@ -89,4 +90,4 @@ def sums(real, module):
             motion[row * points + i] = Ways()
         sum_out[o, row, lane] = found
 
-    return wp.kernel(sums, name=f"sum_motion_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(sum_collider_gradients, name=f"sum_motion_{types(real).name}", module=module, enable_backward=False)

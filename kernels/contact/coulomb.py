@@ -1,4 +1,4 @@
-"""What contacts bear at the solution of an implicit substep. See kernels/contact/newton/active_set.py and
+"""What contacts bear at the solution of an implicit substep. See kernels/solver/contact/active_set.py and
 kernels/contact/project.py.
 
     F = f - own (d - b)    all forces on a point but those of contacts [N]        own = m / g^2        f  of elements and pins
@@ -25,19 +25,19 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
-from wsim.kernels.contact.project import SUNK, TOUCHED, slots, tables
+from wsim.kernels.cloth.constraint import inverse_or_zero
+from wsim.kernels.contact.project import SUNK, TOUCHED, contact_tables, slot_type
 from wsim.kernels.math.real import types
 
 
 @cache
-def structs(real) -> SimpleNamespace:
+def coulomb_structs(real) -> SimpleNamespace:
     """State: a substep and its forces. Frame: what is free of each point. Left: what is not balanced. Grads: gradients, added
     to. Pushed: pushes at a solution."""
     t = types(real)
 
     @wp.struct
-    class State:
+    class CoulombState:
         d: wp.array(dtype=t.vec3)
         a: wp.array(dtype=t.vec3)
         b: wp.array(dtype=t.vec3)
@@ -45,20 +45,20 @@ def structs(real) -> SimpleNamespace:
         rate: t.scalar                       # 1 / g
 
     @wp.struct
-    class Frame:
+    class FreeDirections:
         S: wp.array(dtype=t.mat33)
         W: wp.array(dtype=t.mat33)           # E^T S
         K: wp.array(dtype=t.mat33)           # S K [N/m]
         bears: wp.array(dtype=int)           # of each slot: 0, SLIDES, or STICKS, which only the last that bears may
 
     @wp.struct
-    class Left:
+    class CoulombResidual:
         r: wp.array(dtype=t.vec3)            # S left [N]
         miss: wp.array(dtype=t.vec3)         # that, and own times how far contacts are from where they hold
         scale: wp.array(dtype=t.vec3)        # own (d - a), which miss is small beside
 
     @wp.struct
-    class Grads:
+    class CoulombGradients:
         d: wp.array(dtype=t.vec3)            # y
         n: wp.array(dtype=t.vec3)            # of the slots
         b: wp.array(dtype=t.scalar)
@@ -67,35 +67,36 @@ def structs(real) -> SimpleNamespace:
         a: wp.array(dtype=t.vec3)
 
     @wp.struct
-    class Pushed:
+    class CoulombPushes:
         bears: wp.array(dtype=int)           # of each slot, as in Frame
         push: wp.array(dtype=t.vec3)         # [m]
         by_push: wp.array(dtype=t.vec3)      # gradient
         by_w: wp.array(dtype=t.scalar)       # added to, (points,)
 
-    return SimpleNamespace(State=State, Frame=Frame, Left=Left, Grads=Grads, Pushed=Pushed)
+    return SimpleNamespace(State=CoulombState, Frame=FreeDirections, Left=CoulombResidual, Grads=CoulombGradients,
+                           Pushed=CoulombPushes)
 
 
 SLIDES, STICKS, SOLVED = 1, 2, 3
 
 
 @cache
-def formulas(real) -> SimpleNamespace:
+def coulomb_formulas(real) -> SimpleNamespace:
     """Functions of one contact."""
     t = types(real)
     vec3 = t.vec3
 
     @wp.func
-    def slid(n: vec3, d: vec3, w: vec3):
+    def slip_and_inverse_speed(n: vec3, d: vec3, w: vec3):
         """s, and 1 / |s| or 0."""
         way = d - w
         s = way - wp.dot(way, n) * n
-        return s, inverse(wp.length(s))
+        return s, inverse_or_zero(wp.length(s))
 
     @wp.func
-    def law(n: vec3, d: vec3, w: vec3, left: vec3, own: real, mu: t.vec2, P: vec3, before: int):
+    def contact_state_and_push(n: vec3, d: vec3, w: vec3, left: vec3, own: real, mu: t.vec2, P: vec3, before: int):
         """(state, t, 1 / |s|, s, push) of one that bears. P: its push before."""
-        way, rate = slid(n, d, w)
+        way, rate = slip_and_inverse_speed(n, d, w)
         lam = -wp.dot(left, n) / own
         still = -(real(1.0) / own) * left - lam * n
         state = wp.static(SLIDES)
@@ -105,7 +106,7 @@ def formulas(real) -> SimpleNamespace:
             if wp.length(way) <= wp.length(P - pressed * (n - mu[1] * tangent)) and mu[0] > real(0.0):
                 state = wp.static(STICKS)
         elif before == wp.static(STICKS):
-            tangent = -inverse(wp.length(still)) * still
+            tangent = -inverse_or_zero(wp.length(still)) * still
             rate = real(0.0)
             if wp.length(still) <= mu[0] * lam:
                 state = wp.static(STICKS)
@@ -115,33 +116,35 @@ def formulas(real) -> SimpleNamespace:
         return state, tangent, rate, way, push
 
     @wp.func
-    def presses(lam: real, gap: real, pushed: real, before: int):
+    def contact_presses(lam: real, gap: real, pushed: real, before: int):
         return pushed > real(0.0) if before == wp.static(SOLVED) else lam > gap and lam > real(0.0)
 
     @wp.func
-    def across(n: vec3, tangent: vec3):
+    def projector_across_both(n: vec3, tangent: vec3):
         """What is across both."""
         return wp.identity(n=3, dtype=real) - wp.outer(n, n) - wp.outer(tangent, tangent)
 
     @wp.func
-    def filtered(S: t.mat33, n: vec3):
+    def remove_normal_direction(S: t.mat33, n: vec3):
         """S without n."""
         Sn = S * n
-        return S - inverse(wp.dot(n, Sn)) * wp.outer(Sn, Sn)
+        return S - inverse_or_zero(wp.dot(n, Sn)) * wp.outer(Sn, Sn)
 
-    return SimpleNamespace(slid=slid, law=law, presses=presses, across=across, filtered=filtered)
+    return SimpleNamespace(slid=slip_and_inverse_speed, law=contact_state_and_push, presses=contact_presses,
+                           across=projector_across_both, filtered=remove_normal_direction)
 
 
 @cache
-def turn(real, module):
+def contact_step_update_kernel(real, module):
     """Kernel over points, after a Newton step: what pushes is met, what sticks stops, and so does what has turned back or what
     dynamic friction stops. Friction of what slides is for the next step: where it slides is where Newton's step has put it.
     Writes d, and push and bears of `out`."""
-    t, slid, at = types(real), formulas(real).slid, structs(real)
-    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
+    t, slid, at = types(real), coulomb_formulas(real).slid, coulomb_structs(real)
+    (Rows, Points), Slots, vec3 = contact_tables(real), slot_type(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def turn(c: Rows, points: Points, s: Slots, a: vec3, g: real, first: int, d_out: vec3, out: at.Pushed):
+    def update_contacts_after_step(c: Rows, points: Points, s: Slots, a: vec3, g: real, first: int, d_out: vec3,
+                                   out: at.Pushed):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
@@ -175,26 +178,27 @@ def turn(real, module):
         d_out[i] = d
         s.mark[i] = (s.mark[i] & wp.static(SUNK)) | touched
 
-    return turn
+    return update_contacts_after_step
 
 
 @cache
-def bear(real, module):
+def contact_frame_kernel(real, module):
     """Kernel over points: the frame at d and what is left to balance there. found: 1 at a solution, where pushes say what bears
-    and sticks; else that is as `turn` and the step before left it."""
-    t, at, one = types(real), structs(real), formulas(real)
-    law, presses, across, filtered, (Rows, Points) = one.law, one.presses, one.across, one.filtered, tables(real)
-    Slots, vec3 = slots(real), wp.array(dtype=t.vec3)
+    and sticks; else that is as `contact_step_update_kernel` and the step before left it."""
+    t, at, one = types(real), coulomb_structs(real), coulomb_formulas(real)
+    law, presses, across, filtered, (Rows, Points) = one.law, one.presses, one.across, one.filtered, contact_tables(real)
+    Slots, vec3 = slot_type(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def bear(c: Rows, points: Points, s: Slots, o: at.State, found: int, out: at.Frame, rest: at.Left, push_out: vec3):
+    def build_contact_frame(c: Rows, points: Points, s: Slots, o: at.State, found: int, out: at.Frame, rest: at.Left,
+                            push_out: vec3):
         i = wp.tid()
         left = t.vec3()
         over = t.vec3()
         S = t.mat33()
         K = t.mat33()
         E = wp.identity(n=3, dtype=real)
-        own = o.rate * o.rate * inverse(points.w[i])
+        own = o.rate * o.rate * inverse_or_zero(points.w[i])
         if own > real(0.0):
             left = o.f[i] - own * (o.d[i] - o.b[i])
             S = E
@@ -232,19 +236,19 @@ def bear(real, module):
         rest.miss[i] = rest.r[i] + over
         rest.scale[i] = own * (o.d[i] - o.a[i])
 
-    return bear
+    return build_contact_frame
 
 
 @cache
-def screen(real, module):
+def preconditioner_filter_kernel(real, module):
     """Kernel over points: the preconditioner's block, filtered."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def screen(S: wp.array(dtype=t.mat33), P_out: wp.array(dtype=t.mat33)):
+    def filter_preconditioner_block(S: wp.array(dtype=t.mat33), P_out: wp.array(dtype=t.mat33)):
         i = wp.tid()
         F = S[i]
         P = P_out[i]
         P_out[i] = F * P * F
 
-    return screen
+    return filter_preconditioner_block

@@ -24,20 +24,20 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
-from wsim.kernels.contact.coulomb import SLIDES, STICKS, formulas, structs
-from wsim.kernels.contact.project import slots, tables
+from wsim.kernels.cloth.constraint import inverse_or_zero
+from wsim.kernels.contact.coulomb import SLIDES, STICKS, coulomb_formulas, coulomb_structs
+from wsim.kernels.contact.project import contact_tables, slot_type
 from wsim.kernels.math.real import types
 
 
 @cache
-def takes(real):
+def sliding_reaction_func(real):
     """Function: Q.left' of a contact that slides."""
     t = types(real)
     vec3 = t.vec3
 
     @wp.func
-    def taken(left: vec3, n: vec3, d: vec3, w: vec3, mu: real, Q: vec3):
+    def sliding_reaction_product(left: vec3, n: vec3, d: vec3, w: vec3, mu: real, Q: vec3):
         way = d - w
         s = way - wp.dot(way, n) * n
         c = n
@@ -45,97 +45,97 @@ def takes(real):
             c = n - (mu / wp.length(s)) * s
         return wp.dot(Q, left - wp.dot(n, left) * c)
 
-    return taken
+    return sliding_reaction_product
 
 
 @cache
-def need(real, module) -> None:
+def compile_coulomb_gradient(real, module) -> None:
     """A kernel that never runs: see kernels/solver/xpbd_vjp.py."""
-    t, taken = types(real), takes(real)
+    t, taken = types(real), sliding_reaction_func(real)
 
-    def called(mu: real, out: wp.array(dtype=real)):
+    def call_coulomb_gradient(mu: real, out: wp.array(dtype=real)):
         o = t.vec3()
         out[0] = taken(o, o, o, o, mu, o)
 
-    wp.kernel(called, name=f"need_holding_{t.name}", module=module, enable_backward=True)
+    wp.kernel(call_coulomb_gradient, name=f"need_holding_{t.name}", module=module, enable_backward=True)
 
 
 @cache
-def spread_out(real, module):
+def reaction_transpose_kernel(real, module):
     """Kernel over points: W p."""
     t = types(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def spread_out(W: wp.array(dtype=t.mat33), p: vec3, q_out: vec3):
+    def apply_reaction_transpose(W: wp.array(dtype=t.mat33), p: vec3, q_out: vec3):
         i = wp.tid()
         q_out[i] = W[i] * p[i]
 
-    return spread_out
+    return apply_reaction_transpose
 
 
 @wp.func
-def taken_back(S: Any, W: Any, K: Any, v: Any, p: Any):
+def free_adjoint_residual(S: Any, W: Any, K: Any, v: Any, p: Any):
     """S (v - K^T p)."""
     return S * (v - wp.transpose(K) * p)
 
 
 @wp.func
-def given(S: Any, W: Any, K: Any, v: Any, p: Any):
+def reaction_cotangent(S: Any, W: Any, K: Any, v: Any, p: Any):
     """W^T v - K p."""
     return wp.transpose(W) * v - K * p
 
 
 @cache
-def framed(formula, real, module):
-    """Kernel over points: `taken_back` or `given` in the frame of each."""
-    t, at = types(real), structs(real)
+def contact_frame_product_kernel(formula, real, module):
+    """Kernel over points: `free_adjoint_residual` or `reaction_cotangent` in the frame of each."""
+    t, at = types(real), coulomb_structs(real)
     vec3 = wp.array(dtype=t.vec3)
 
-    def framed(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
+    def multiply_in_contact_frame(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
         i = wp.tid()
         q_out[i] = formula(o.S[i], o.W[i], o.K[i], v[i], p[i])
 
-    return wp.kernel(framed, name=f"{formula.key}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(multiply_in_contact_frame, name=f"{formula.key}_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def remainder(real, module):
+def free_remainder_kernel(real, module):
     """Kernel over points: S (y - v)."""
     t = types(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def remainder(S: wp.array(dtype=t.mat33), y: vec3, v: vec3, r_out: vec3):
+    def project_free_remainder(S: wp.array(dtype=t.mat33), y: vec3, v: vec3, r_out: vec3):
         i = wp.tid()
         r_out[i] = S[i] * (y[i] - v[i])
 
-    return remainder
+    return project_free_remainder
 
 
 @cache
-def joined(real, module):
+def reaction_sum_kernel(real, module):
     """Kernel over points: W p + G."""
     t = types(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def joined(W: wp.array(dtype=t.mat33), p: vec3, G: vec3, q_out: vec3):
+    def add_reaction_to_gradient(W: wp.array(dtype=t.mat33), p: vec3, G: vec3, q_out: vec3):
         i = wp.tid()
         q_out[i] = W[i] * p[i] + G[i]
 
-    return joined
+    return add_reaction_to_gradient
 
 
 @cache
-def pushed_adjoint(real, module):
+def push_adjoint_kernel(real, module):
     """Kernel over points: G_0 and, added to, the gradients by d, contacts, their friction, a and w. push: at the solution;
     by_push: Q."""
-    t, at, taken = types(real), structs(real), takes(real)
-    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
+    t, at, taken = types(real), coulomb_structs(real), sliding_reaction_func(real)
+    (Rows, Points), Slots, vec3 = contact_tables(real), slot_type(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def pushed_adjoint(c: Rows, points: Points, s: Slots, o: at.State, of: at.Pushed, by: at.Grads, G_out: vec3):
+    def accumulate_push_adjoint(c: Rows, points: Points, s: Slots, o: at.State, of: at.Pushed, by: at.Grads, G_out: vec3):
         i = wp.tid()
         G = t.vec3()
         count = s.count[i]
@@ -170,18 +170,18 @@ def pushed_adjoint(real, module):
             of.by_w[i] = of.by_w[i] + by_w
         G_out[i] = G
 
-    need(real, module)
-    return pushed_adjoint
+    compile_coulomb_gradient(real, module)
+    return accumulate_push_adjoint
 
 
 @cache
-def leaves(real):
+def left_by_contacts_func(real):
     """Function: what the contacts of point i before slot `last` leave: of F, and of its own directions, S."""
-    at, one = structs(real), formulas(real)
-    slid, filtered, (Rows, Points), Slots = one.slid, one.filtered, tables(real), slots(real)
+    at, one = coulomb_structs(real), coulomb_formulas(real)
+    slid, filtered, (Rows, Points), Slots = one.slid, one.filtered, contact_tables(real), slot_type(real)
 
     @wp.func
-    def before(c: Rows, points: Points, s: Slots, o: at.State, bears: wp.array(dtype=int), i: int, last: int):
+    def force_left_by_contacts(c: Rows, points: Points, s: Slots, o: at.State, bears: wp.array(dtype=int), i: int, last: int):
         left = o.f[i] - (o.rate * o.rate / points.w[i]) * (o.d[i] - o.b[i])
         S = wp.identity(n=3, dtype=real)
         for slot in range(last):
@@ -194,17 +194,18 @@ def leaves(real):
                 S = filtered(S, n)
         return left, S
 
-    return before
+    return force_left_by_contacts
 
 
 @cache
-def held_adjoint(real, module):
+def held_contact_adjoint_kernel(real, module):
     """Kernel over points: adds gradients by contacts, their friction and a. v: y - (dr/dd)^T W q; q as above."""
-    t, at, taken, before = types(real), structs(real), takes(real), leaves(real)
-    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
+    t, at, taken, before = types(real), coulomb_structs(real), sliding_reaction_func(real), left_by_contacts_func(real)
+    (Rows, Points), Slots, vec3 = contact_tables(real), slot_type(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def held_adjoint(c: Rows, points: Points, s: Slots, o: at.State, fixed: at.Frame, v: vec3, q: vec3, by: at.Grads):
+    def accumulate_held_adjoint(c: Rows, points: Points, s: Slots, o: at.State, fixed: at.Frame, v: vec3, q: vec3,
+                                by: at.Grads):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
@@ -230,7 +231,7 @@ def held_adjoint(real, module):
                 left, S = before(c, points, s, o, fixed.bears, i, slot)
                 mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                 Sn = S * n
-                size = inverse(wp.dot(n, Sn))
+                size = inverse_or_zero(wp.dot(n, Sn))
                 nu = size * wp.dot(Sn, z)
                 beta = size * wp.dot(Sn, end)
                 z -= nu * n
@@ -247,5 +248,5 @@ def held_adjoint(real, module):
             by_a += gw
         by.a[i] = by.a[i] + by_a
 
-    need(real, module)
-    return held_adjoint
+    compile_coulomb_gradient(real, module)
+    return accumulate_held_adjoint

@@ -21,10 +21,10 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.collide import split, touch
+from wsim.kernels.contact.collide import collider_touch_func, split_convex_and_meshes
+from wsim.kernels.contact.collider.shape import convex_distance_func
 from wsim.kernels.contact.mesh import SHEET, SOLID
-from wsim.kernels.contact.project import TOUCHED, slots, tables
-from wsim.kernels.contact.shape import distance
+from wsim.kernels.contact.project import TOUCHED, contact_tables, slot_type
 from wsim.kernels.math.real import types
 
 GOLDEN, LESS = 0.6180339887498949, 0.3819660112501051
@@ -34,19 +34,19 @@ SHORTER, TRIES = 8, 64                 # how often the compass is halved, and tu
 
 
 @cache
-def convex_least(kinds: tuple[str, ...], real):
+def convex_penetration_func(kinds: tuple[str, ...], real):
     """Function (kind, size, X, most) -> least phi of a triangle (corners in rows), or some value >= most where it is."""
-    t, formula = types(real), distance(kinds)
+    t, formula = types(real), convex_distance_func(kinds)
     vec3 = t.vec3
 
     @wp.func
-    def above(kind: int, size: vec3, X: t.mat33, q: vec3):
+    def tangent_lower_bound(kind: int, size: vec3, X: t.mat33, q: vec3):
         """A bound of phi on the triangle from below, by the tangent at q."""
         phi, n = formula(kind, size, q)
         return phi + wp.min(wp.dot(n, X[0] - q), wp.min(wp.dot(n, X[1] - q), wp.dot(n, X[2] - q)))
 
     @wp.func(inline=False)
-    def along(kind: int, size: vec3, a: vec3, e: vec3):
+    def least_phi_on_segment(kind: int, size: vec3, a: vec3, e: vec3):
         """Least phi of a + t e."""
         phi, n = formula(kind, size, a)
         least = phi
@@ -67,10 +67,10 @@ def convex_least(kinds: tuple[str, ...], real):
         return least
 
     @wp.func
-    def convex_least(kind: int, size: vec3, X: t.mat33, most: real):
-        bound = above(kind, size, X, (X[0] + X[1] + X[2]) / real(3.0))
+    def least_phi_on_triangle(kind: int, size: vec3, X: t.mat33, most: real):
+        bound = tangent_lower_bound(kind, size, X, (X[0] + X[1] + X[2]) / real(3.0))
         for k in range(3):
-            bound = wp.max(bound, above(kind, size, X, X[k]))
+            bound = wp.max(bound, tangent_lower_bound(kind, size, X, X[k]))
         least = most
         if bound < most:
             b = X[1] - X[0]
@@ -79,9 +79,9 @@ def convex_least(kinds: tuple[str, ...], real):
             high = real(1.0)
             s1 = real(LESS)
             s2 = real(GOLDEN)
-            g1 = along(kind, size, X[0] + s1 * b, s1 * e)
-            g2 = along(kind, size, X[0] + s2 * b, s2 * e)
-            least = wp.min(along(kind, size, X[0], real(0.0) * e), along(kind, size, X[1], e))
+            g1 = least_phi_on_segment(kind, size, X[0] + s1 * b, s1 * e)
+            g2 = least_phi_on_segment(kind, size, X[0] + s2 * b, s2 * e)
+            least = wp.min(least_phi_on_segment(kind, size, X[0], real(0.0) * e), least_phi_on_segment(kind, size, X[1], e))
             for _ in range(SECTIONS):
                 least = wp.min(least, wp.min(g1, g2))
                 if g1 < g2:
@@ -89,44 +89,44 @@ def convex_least(kinds: tuple[str, ...], real):
                     s2 = s1
                     g2 = g1
                     s1 = high - real(GOLDEN) * (high - low)
-                    g1 = along(kind, size, X[0] + s1 * b, s1 * e)
+                    g1 = least_phi_on_segment(kind, size, X[0] + s1 * b, s1 * e)
                 else:
                     low = s1
                     s1 = s2
                     g1 = g2
                     s2 = low + real(GOLDEN) * (high - low)
-                    g2 = along(kind, size, X[0] + s2 * b, s2 * e)
+                    g2 = least_phi_on_segment(kind, size, X[0] + s2 * b, s2 * e)
         return least
 
-    return convex_least
+    return least_phi_on_triangle
 
 
 @cache
-def gap(kinds: tuple[str, ...], real):
+def rest_gap_func(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, q, r) -> signed distance of a point at rest less r [m]; of a mesh nothing is found farther
     than size[0]. Called and not inlined: queries of meshes take a second each to compile."""
-    t, meet = types(real), touch(kinds, real)
+    t, meet = types(real), collider_touch_func(kinds, real)
 
     @wp.func(inline=False)
-    def gap(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3, r: real):
+    def gap_at_rest(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3, r: real):
         C, n, p, s0, slip = meet(kind, size, mesh, 0, q, q, r, t.vec2(size[0], real(0.0)))
         return C
 
-    return gap
+    return gap_at_rest
 
 
 @cache
-def mesh_least(kinds: tuple[str, ...], real):
+def mesh_penetration_func(kinds: tuple[str, ...], real):
     """Function (mesh, depth, X, most) -> least phi found on a triangle, inside of a closed mesh; 1e30 where it is far."""
-    t, of_mesh = types(real), gap(kinds, real)
+    t, of_mesh = types(real), rest_gap_func(kinds, real)
     vec3 = t.vec3
 
     @wp.func
-    def phi(mesh: wp.uint64, q: vec3, far: real):
+    def mesh_signed_distance(mesh: wp.uint64, q: vec3, far: real):
         return of_mesh(SOLID, vec3(far, real(0.0), real(0.0)), mesh, q, real(0.0))
 
     @wp.func
-    def mesh_least(mesh: wp.uint64, depth: real, X: t.mat33, most: real):
+    def least_phi_in_mesh(mesh: wp.uint64, depth: real, X: t.mat33, most: real):
         b = X[1] - X[0]
         e = X[2] - X[0]
         edge = wp.max(wp.length(b), wp.max(wp.length(e), wp.length(e - b)))
@@ -134,12 +134,12 @@ def mesh_least(kinds: tuple[str, ...], real):
         least = real(1.0e30)
         u = real(0.0)
         v = real(0.0)
-        if phi(mesh, X[0] + (b + e) / real(3.0), far) < most + edge:        # slope 1: else none of it is below
+        if mesh_signed_distance(mesh, X[0] + (b + e) / real(3.0), far) < most + edge:  # slope 1: else none of it is below
             for place in range(PLACES * PLACES):
                 u1 = real(place // PLACES) * real(PACE)
                 v1 = real(place % PLACES) * real(PACE)
                 if u1 + v1 < real(1.0) + real(0.5) * real(PACE):
-                    found = phi(mesh, X[0] + u1 * b + v1 * e, far)
+                    found = mesh_signed_distance(mesh, X[0] + u1 * b + v1 * e, far)
                     if found < least:
                         least = found
                         u = u1
@@ -156,7 +156,7 @@ def mesh_least(kinds: tuple[str, ...], real):
                     u1 = u + step * (real(way == 0 or way == 5) - real(way == 2 or way == 3))
                     v1 = v + step * (real(way == 1 or way == 2) - real(way == 4 or way == 5))
                     if u1 >= real(0.0) and v1 >= real(0.0) and u1 + v1 <= real(1.0):
-                        found = phi(mesh, X[0] + u1 * b + v1 * e, far)
+                        found = mesh_signed_distance(mesh, X[0] + u1 * b + v1 * e, far)
                         if found < least:
                             least = found
                             u = u1
@@ -167,19 +167,19 @@ def mesh_least(kinds: tuple[str, ...], real):
                     halved += 1
         return least
 
-    return mesh_least
+    return least_phi_in_mesh
 
 
 @cache
-def gauge(kinds: tuple[str, ...], real, module):
+def point_penetration_kernel(kinds: tuple[str, ...], real, module):
     """Kernel over lanes, each taking every `lanes`-th point: how deep points are at pose k inside of the distance
     kept and of the solid itself [m], and how many are in contact. The host takes the greatest, so no atomics."""
     t, name = types(real), f"gauge_{'_'.join(kinds)}_{types(real).name}"
-    Rows, Points = tables(real)
-    Slots, away = slots(real), gap(kinds, real)
+    Rows, Points = contact_tables(real)
+    Slots, away = slot_type(real), rest_gap_func(kinds, real)
 
-    def gauge(c: Rows, points: Points, s: Slots, x: wp.array(dtype=t.vec3), k: int, lanes: int,
-              inside_out: wp.array(dtype=t.vec2), count_out: wp.array(dtype=int)):
+    def measure_point_penetration(c: Rows, points: Points, s: Slots, x: wp.array(dtype=t.vec3), k: int, lanes: int,
+                                  inside_out: wp.array(dtype=t.vec2), count_out: wp.array(dtype=int)):
         lane = wp.tid()
         kept = real(0.0)
         solid = real(0.0)
@@ -202,27 +202,28 @@ def gauge(kinds: tuple[str, ...], real, module):
         inside_out[lane] = t.vec2(kept, solid)
         count_out[lane] = count
 
-    return wp.kernel(gauge, name=name, module=module, enable_backward=False)
+    return wp.kernel(measure_point_penetration, name=name, module=module, enable_backward=False)
 
 
 @cache
-def sink(kinds: tuple[str, ...], real, module):
+def face_penetration_kernel(kinds: tuple[str, ...], real, module):
     """Kernel over lanes, each taking every `lanes`-th triangle (corners: places of its points, (t, 3)): the greatest depth at
     pose k [m]."""
     t, name = types(real), f"sink_{'_'.join(kinds)}_{types(real).name}"
-    Rows, Points = tables(real)
-    shapes = split(kinds)[0]
+    Rows, Points = contact_tables(real)
+    shapes = split_convex_and_meshes(kinds)[0]
     convex, meshes = bool(shapes), "solid" in kinds
-    of_convex, of_mesh, away = convex_least(shapes, real), mesh_least(kinds, real), gap(kinds, real)
+    of_convex, of_mesh, away = (convex_penetration_func(shapes, real), mesh_penetration_func(kinds, real),
+                                rest_gap_func(kinds, real))
 
     @wp.func
-    def near(ball: t.vec4, X: t.mat33):
+    def triangle_reaches_ball(ball: t.vec4, X: t.mat33):
         centre = (X[0] + X[1] + X[2]) / real(3.0)
         r = wp.max(wp.length(X[0] - centre), wp.max(wp.length(X[1] - centre), wp.length(X[2] - centre)))
         return wp.length(centre - t.vec3(ball[0], ball[1], ball[2])) < ball[3] + r
 
-    def sink(c: Rows, points: Points, corners: wp.array2d(dtype=int), x: wp.array(dtype=t.vec3), k: int, lanes: int,
-             depth_out: wp.array(dtype=real)):
+    def measure_face_penetration(c: Rows, points: Points, corners: wp.array2d(dtype=int), x: wp.array(dtype=t.vec3), k: int,
+                                 lanes: int, depth_out: wp.array(dtype=real)):
         lane = wp.tid()
         worst = real(0.0)
         for j in range(lane, corners.shape[0], lanes):
@@ -230,7 +231,7 @@ def sink(kinds: tuple[str, ...], real, module):
             X = wp.matrix_from_rows(x[corners[j, 0]], x[corners[j, 1]], x[corners[j, 2]])
             for row in range(c.first[o], c.first[o + 1]):
                 kind = c.of.kind[row]
-                if kind == SHEET or not near(c.ball[k - 1, row], X):
+                if kind == SHEET or not triangle_reaches_ball(c.ball[k - 1, row], X):
                     continue
                 T = c.of.pose[k, row]
                 size = c.of.size[row]
@@ -251,4 +252,4 @@ def sink(kinds: tuple[str, ...], real, module):
                         worst = wp.max(worst, -of_mesh(c.of.mesh[row], size[0], Y, -worst))
         depth_out[lane] = worst
 
-    return wp.kernel(sink, name=name, module=module, enable_backward=False)
+    return wp.kernel(measure_face_penetration, name=name, module=module, enable_backward=False)

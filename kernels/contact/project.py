@@ -39,22 +39,22 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.collider.colliders import colliders
-from wsim.kernels.math.marks import own
-from wsim.kernels.math.real import differentiable, types
+from wsim.kernels.contact.collider.colliders import collider_type
+from wsim.kernels.math.marks import owns_points
+from wsim.kernels.math.real import has_adjoint, types
 
 HELD = 1e-3            # of a width: gaps so small are those of the hard contact behind it
 TOUCHED, SUNK = 1, 2                   # bits of a point's mark: in contact in this substep, started it in an overlap
 
 
 @cache
-def tables(real):
+def contact_tables(real):
     """(Rows, Points): structs of what collides, written by the host before a frame, read by kernels. Rows: those of the table
-    of colliders (kernels/collider/colliders.py), and how a point finds its own among them."""
-    t, Colliders = types(real), colliders(real)
+    of colliders (kernels/contact/collider/colliders.py), and how a point finds its own among them."""
+    t, Colliders = types(real), collider_type(real)
 
     @wp.struct
-    class Rows:
+    class CollisionRows:
         of: Colliders                             # moments are the ends of substeps; places count from the object's origin
         first: wp.array(dtype=int)                # rows of object o: first[o] .. first[o + 1], (objects + 1,)
         ball: wp.array2d(dtype=t.vec4)            # centre, radius [m] that hold it during substep k, (substeps, rows)
@@ -74,7 +74,7 @@ def tables(real):
         lead: int                                 # 1: the potential pushes by the gap where a substep begins
 
     @wp.struct
-    class Points:
+    class CollidingPoints:
         object: wp.array(dtype=int)               # (points,)
         w: wp.array(dtype=t.scalar)               # inverse mass [1/kg]; 0: the point has no contacts
         reach: wp.array(dtype=t.scalar)           # distance that the point keeps [m]
@@ -90,16 +90,16 @@ def tables(real):
         face: wp.array(dtype=int)                 # face j of slot s and point i at (s * room + j) * points + i
         far: wp.array(dtype=float)                # D, less what the mesh may move [m]
 
-    return Rows, Points
+    return CollisionRows, CollidingPoints
 
 
 @cache
-def slots(real):
+def slot_type(real):
     """Struct of contacts: slot j of point i stands at j * points + i."""
     t = types(real)
 
     @wp.struct
-    class Slots:
+    class ContactSlots:
         points: int
         capacity: int                             # slots of a point
         count: wp.array(dtype=int)                # contacts of each point, (points,)
@@ -111,16 +111,16 @@ def slots(real):
         u: wp.array(dtype=t.vec3)                 # [m/s]
         site: wp.array(dtype=int)                 # of those behind the point's own (kernels/cloth/edge_contact), where some are
 
-    return Slots
+    return ContactSlots
 
 
 @cache
-def read(real):
+def read_type(real):
     """Struct of what a launch reads of points and of slots; arrays that a kernel does not read stay empty."""
     t = types(real)
 
     @wp.struct
-    class Read:
+    class ContactState:
         x: wp.array(dtype=t.vec3)                 # position at the start of the substep [m], (points,)
         v: wp.array(dtype=t.vec3)                 # velocity before it [m/s]
         e: wp.array(dtype=t.vec3)
@@ -128,19 +128,19 @@ def read(real):
         a: wp.array(dtype=t.vec3)
         push: wp.array(dtype=t.vec3)              # P of each slot
         k: int                                    # substep
-        now: wp.array(dtype=int)                  # as `wsim.kernels.math.real.present` has it
+        now: wp.array(dtype=int)                  # as `wsim.kernels.math.real.substep_number` has it
 
-    return Read
+    return ContactState
 
 
 @cache
-def meeting(real):
-    """Function: d and P after one contact, and how hard it presses (lam'); gu: g times u; soft: `softness`."""
+def plane_projection_func(real):
+    """Function: d and P after one contact, and how hard it presses (lam'); gu: g times u; soft: `softness_func`."""
     t = types(real)
     vec3, vec2 = t.vec3, t.vec2
 
     @wp.func
-    def leaning(soft: vec3, C0: real, c: real):
+    def barrier_push(soft: vec3, C0: real, c: real):
         """A z^2, see above."""
         q = real(1.0) - C0 / soft[0]
         if soft[2] == real(0.0):
@@ -150,12 +150,12 @@ def meeting(real):
         return soft[1] * z * z
 
     @wp.func
-    def meet(n: vec3, b: real, a: vec3, gu: vec3, P: vec3, d: vec3, mu: vec2, soft: vec3):
+    def project_plane_contact(n: vec3, b: real, a: vec3, gu: vec3, P: vec3, d: vec3, mu: vec2, soft: vec3):
         lam = wp.dot(P, n)
         T = P - lam * n
         pressed = lam - (b + wp.dot(n, d))
         if soft[0] > real(0.0):
-            pressed = wp.max(pressed, leaning(soft, b + wp.dot(n, a + gu), -pressed))
+            pressed = wp.max(pressed, barrier_push(soft, b + wp.dot(n, a + gu), -pressed))
         pressed = wp.max(pressed, real(0.0))
         moved = d + (pressed - lam) * n
         stop = vec3()
@@ -169,35 +169,36 @@ def meeting(real):
             stop = share * onward
         return moved + (stop - T), pressed * n + stop, pressed
 
-    return meet
+    return project_plane_contact
 
 
 @cache
-def softness(real):
+def softness_func(real):
     """Function: width, A [m] and lead of a launch with the effective step g, as a vector."""
     t = types(real)
-    Rows, _ = tables(real)
+    Rows, _ = contact_tables(real)
 
     @wp.func
-    def softness(c: Rows, g: real):
+    def barrier_softness(c: Rows, g: real):
         A = real(0.0)
         if c.width > real(0.0):
             A = real(3.0) * c.energy * g * g / c.width
         return t.vec3(c.width, A, real(c.lead))
 
-    return softness
+    return barrier_softness
 
 
 @cache
-def projecting(real):
+def point_projection_func(real):
     """Function (c, points, s, i, g, at: rows d and a, push, push_out) -> d of point i after one iteration of its contacts, in
     order; writes pushes and the point's mark."""
     t = types(real)
-    (Rows, Points), Slots, meet, soften = tables(real), slots(real), meeting(real), softness(real)
+    (Rows, Points), Slots, meet, soften = (contact_tables(real), slot_type(real), plane_projection_func(real),
+                                           softness_func(real))
 
     @wp.func
-    def projecting(c: Rows, points: Points, s: Slots, i: int, g: real, at: wp.types.matrix((2, 3), real),
-                   push: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
+    def project_point_contacts(c: Rows, points: Points, s: Slots, i: int, g: real, at: wp.types.matrix((2, 3), real),
+                               push: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
         d1 = at[0]
         a = at[1]
         soft = soften(c, g)
@@ -213,26 +214,27 @@ def projecting(real):
         s.mark[i] = (s.mark[i] & SUNK) | touched
         return d1
 
-    return projecting
+    return project_point_contacts
 
 
 @cache
-def project(real, module):
+def contact_projection_kernel(real, module):
     """Kernel over points: one iteration of all contacts of a point, in order. Reads d, a, push."""
     t = types(real)
-    (Rows, Points), Slots, Read, one = tables(real), slots(real), read(real), projecting(real)
+    (Rows, Points), Slots, Read, one = contact_tables(real), slot_type(real), read_type(real), point_projection_func(real)
 
-    def project(c: Rows, points: Points, s: Slots, at: Read, g: real,
-                d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
+    def project_all_contacts(c: Rows, points: Points, s: Slots, at: Read, g: real,
+                             d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         if s.count[i] > 0:
             d_out[i] = one(c, points, s, i, g, wp.matrix_from_rows(at.d[i], at.a[i]), at.push, push_out)
 
-    return own(wp.kernel(project, name=f"contact_{types(real).name}", module=module, enable_backward=False))
+    return owns_points(wp.kernel(project_all_contacts, name=f"contact_{types(real).name}", module=module,
+                                 enable_backward=False))
 
 
 @cache
-def settle(real, module):
+def contact_velocity_kernel(real, module):
     """Kernel over points, after the last iteration of a multistep integrator: no history across a contact plane.
 
     A multistep formula takes the velocity before an impact for a part of the one after it and bounces. So along the
@@ -240,10 +242,10 @@ def settle(real, module):
     before this one is the same; motion across the normal keeps its order. Two and more normals: all components.
     Reads v, e, d, a, push."""
     t = types(real)
-    (Rows, _), Slots, Read, vectors = tables(real), slots(real), read(real), wp.array(dtype=t.vec3)
+    (Rows, _), Slots, Read, vectors = contact_tables(real), slot_type(real), read_type(real), wp.array(dtype=t.vec3)
 
     @wp.func
-    def pushing(c: Rows, s: Slots, push: vectors, i: int, d: t.vec3):
+    def pushing_contact_slots(c: Rows, s: Slots, push: vectors, i: int, d: t.vec3):
         """(slot of the last contact that pushes, how many do); a potential alone leaves the history as it is."""
         last = int(0)
         count = int(0)
@@ -255,9 +257,9 @@ def settle(real, module):
                 count += 1
         return last, count
 
-    def settle(c: Rows, s: Slots, at: Read, g: real, a_out: vectors, v_out: vectors):
+    def settle_contact_velocity(c: Rows, s: Slots, at: Read, g: real, a_out: vectors, v_out: vectors):
         i = wp.tid()
-        j, count = pushing(c, s, at.push, i, at.d[i])
+        j, count = pushing_contact_slots(c, s, at.push, i, at.d[i])
         if count == 0:
             return
         n = s.n[j]
@@ -273,16 +275,17 @@ def settle(real, module):
         a_out[i] = a0 + da
         v_out[i] = v0 + dv
 
-    return wp.kernel(settle, name=f"settle_{types(real).name}", module=module, enable_backward=differentiable(module))
+    return wp.kernel(settle_contact_velocity, name=f"settle_{types(real).name}", module=module,
+                     enable_backward=has_adjoint(module))
 
 
 @cache
-def push_work(real, module):
+def collider_work_kernel(real, module):
     """Kernel over points: adds to given [J] the work (m P / g) . u of colliders in a substep, of the rows that are outside."""
-    t, Slots, (_, Points) = types(real), slots(real), tables(real)
+    t, Slots, (_, Points) = types(real), slot_type(real), contact_tables(real)
 
-    def push_work(points: Points, s: Slots, push: wp.array(dtype=t.vec3), outside: wp.array(dtype=int), g: real,
-                  given: wp.array(dtype=wp.float64)):
+    def add_collider_work(points: Points, s: Slots, push: wp.array(dtype=t.vec3), outside: wp.array(dtype=int), g: real,
+                          given: wp.array(dtype=wp.float64)):
         i = wp.tid()
         if points.w[i] > real(0.0):
             for slot in range(s.count[i]):
@@ -290,4 +293,4 @@ def push_work(real, module):
                 if outside[s.row[j]] == 1:
                     given[i] = given[i] + wp.float64(wp.dot(push[j], s.u[j]) / (points.w[i] * g))
 
-    return own(wp.kernel(push_work, name=f"push_work_{t.name}", module=module, enable_backward=False))
+    return owns_points(wp.kernel(add_collider_work, name=f"push_work_{t.name}", module=module, enable_backward=False))

@@ -11,18 +11,18 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.project import meeting, read, slots, softness, tables
+from wsim.kernels.contact.project import contact_tables, plane_projection_func, read_type, slot_type, softness_func
 from wsim.kernels.math.real import types
 
 
 @cache
-def grads(real):
+def gradient_type(real):
     """Struct of gradients. d_out, push_out, a_out: by what was written; the others are added to; n, b, u of contacts in the
     order of the slots; friction, gap, motion of row r of the colliders of a point's object at r * points + i."""
     t = types(real)
 
     @wp.struct
-    class Grads:
+    class ProjectionGradients:
         d_out: wp.array(dtype=t.vec3)
         a_out: wp.array(dtype=t.vec3)
         push_out: wp.array(dtype=t.vec3)
@@ -35,56 +35,57 @@ def grads(real):
         u: wp.array(dtype=t.vec3)
         friction: wp.array(dtype=t.vec2)         # by the mean of the point's and the collider's
         gap: wp.array(dtype=t.scalar)            # by the distance kept [1/m]
-        motion: wp.array(dtype=ways(real))       # by shift [1/m] and turn [1/rad] of the collider where a frame begins and ends
+        # by shift [1/m] and turn [1/rad] of the collider where a frame begins and ends
+        motion: wp.array(dtype=motion_gradient_type(real))
 
-    return Grads
+    return ProjectionGradients
 
 
 @cache
-def ways(real):
+def motion_gradient_type(real):
     """Matrix: rows shift and turn at the begin of a frame, shift and turn at its end."""
     return wp.types.matrix((4, 3), real)
 
 
 @cache
-def product(real):
+def projection_cotangent_func(real):
     """Function that Warp differentiates: s of a contact."""
-    t, meet = types(real), meeting(real)
+    t, meet = types(real), plane_projection_func(real)
     vec3 = t.vec3
 
     @wp.func
-    def pushed(n: vec3, gap: t.vec4, w: vec3, P: vec3, d: vec3, mu: t.vec2, D: vec3, Q: vec3):
+    def projection_cotangent(n: vec3, gap: t.vec4, w: vec3, P: vec3, d: vec3, mu: t.vec2, D: vec3, Q: vec3):
         moved, push, pressed = meet(n, gap[0], w, vec3(), P, d, mu, vec3(gap[1], gap[2], gap[3]))
         return wp.dot(D, moved) + wp.dot(Q, push)
 
-    return pushed
+    return projection_cotangent
 
 
 @cache
-def need(real, module) -> None:
+def compile_projection_gradient(real, module) -> None:
     """A kernel that never runs: see kernels/solver/xpbd_vjp.py."""
-    t, pushed = types(real), product(real)
+    t, pushed = types(real), projection_cotangent_func(real)
     vec3 = t.vec3
 
-    def called(b: real, out: wp.array(dtype=real)):
+    def call_projection_gradient(b: real, out: wp.array(dtype=real)):
         o = vec3()
         out[0] = pushed(o, t.vec4(b, b, b, b), o, o, o, t.vec2(), o, o)
 
-    wp.kernel(called, name=f"need_contact_{t.name}", module=module, enable_backward=True)
+    wp.kernel(call_projection_gradient, name=f"need_contact_{t.name}", module=module, enable_backward=True)
 
 
 @cache
 def project_adjoint(real, module):
     """Kernel over points: the adjoint of an iteration; takes the gradients by what it has written away. Arguments: rows,
     points, slots, what was read (d, a, push), gradients, g."""
-    t, pushed, meet, soften = types(real), product(real), meeting(real), softness(real)
-    (Rows, Points), Slots, Read, Grads = tables(real), slots(real), read(real), grads(real)
+    t, pushed, meet, soften = types(real), projection_cotangent_func(real), plane_projection_func(real), softness_func(real)
+    (Rows, Points), Slots, Read, Grads = contact_tables(real), slot_type(real), read_type(real), gradient_type(real)
 
     @wp.func
-    def friction(c: Rows, points: Points, s: Slots, i: int, j: int):
+    def contact_friction_mean(c: Rows, points: Points, s: Slots, i: int, j: int):
         return real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
 
-    def back(c: Rows, points: Points, s: Slots, at: Read, o: Grads, g: real):
+    def projection_adjoint_step(c: Rows, points: Points, s: Slots, at: Read, o: Grads, g: real):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
@@ -98,11 +99,12 @@ def project_adjoint(real, module):
             d = at.d[i]
             for slot in range(last):
                 j = slot * s.points + i
-                d, P, _pressed = meet(s.n[j], s.b[j], a, g * s.u[j], at.push[j], d, friction(c, points, s, i, j), soft)
+                d, P, _pressed = meet(s.n[j], s.b[j], a, g * s.u[j], at.push[j], d, contact_friction_mean(c, points, s, i, j),
+                                      soft)
             j = last * s.points + i
             gap = t.vec4(s.b[j], soft[0], soft[1], soft[2])
             gn, gb, gw, gP, gd, gmu, _D, _Q = wp.grad(pushed)(
-                s.n[j], gap, a + g * s.u[j], at.push[j], d, friction(c, points, s, i, j), D, o.push_out[j])
+                s.n[j], gap, a + g * s.u[j], at.push[j], d, contact_friction_mean(c, points, s, i, j), D, o.push_out[j])
             o.n[j] = o.n[j] + gn
             o.b[j] = o.b[j] + gb[0]
             o.u[j] = o.u[j] + g * gw
@@ -116,5 +118,5 @@ def project_adjoint(real, module):
         o.d[i] = o.d[i] + D
         o.a[i] = o.a[i] + by_a
 
-    need(real, module)
-    return wp.kernel(back, name=f"adjoint_contact_{t.name}", module=module, enable_backward=False)
+    compile_projection_gradient(real, module)
+    return wp.kernel(projection_adjoint_step, name=f"adjoint_contact_{t.name}", module=module, enable_backward=False)

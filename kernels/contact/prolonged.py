@@ -23,15 +23,15 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.project import meeting, read, slots, tables
-from wsim.kernels.math.marks import whole
+from wsim.kernels.contact.project import contact_tables, plane_projection_func, read_type, slot_type
+from wsim.kernels.math.marks import writes_all
 from wsim.kernels.math.real import types
 
 PASSES = 8             # over the contacts of a point that has several: planes at 60 degrees to each other are met to 1e-5
 
 
 @cache
-def reach(real, module, part: float = 0.5):
+def end_displacement_kernel(real, module, part: float = 0.5):
     """Kernel over points: displacements where the step ends, of those at that part of it."""
     t, more = types(real), real((1.0 - part) / part)
 
@@ -44,14 +44,14 @@ def reach(real, module, part: float = 0.5):
 
 
 @cache
-def begin(real, module, part: float = 0.5):
+def prolonged_contact_kernel(real, module, part: float = 0.5):
     """Kernel over points, behind the search for contacts at the end: contacts as they are for what is solved for. A point that
     was carried out of an overlap, a = e + way, goes that part of the way. Reads e, d, a.
 
     now, was   u of the contact that a point had alone, and its row + 1; 0: it had none"""
-    t, Slots, Read, c = types(real), slots(real), read(real), real(part)
+    t, Slots, Read, c = types(real), slot_type(real), read_type(real), real(part)
 
-    @whole
+    @writes_all
     @wp.kernel(module=module, enable_backward=False)
     def begin_contacts(s: Slots, at: Read, now: wp.array(dtype=t.vec4), d_out: wp.array(dtype=t.vec3),
                        a_out: wp.array(dtype=t.vec3), was_out: wp.array(dtype=t.vec4), now_out: wp.array(dtype=t.vec4)):
@@ -72,10 +72,10 @@ def begin(real, module, part: float = 0.5):
 
 
 @cache
-def end(real, module, part: float = 0.5):
+def prolonged_end_kernel(real, module, part: float = 0.5):
     """Kernel over points: d, a, v, contacts and pushes where the step ends. Reads v, e, d, a, push. carried: 1 where a pinned
     point has the velocity that it went by, as surfaces that touch have it. rest_out: what pushes give beyond P / h [m/s]."""
-    t, Slots, Read = types(real), slots(real), read(real)
+    t, Slots, Read = types(real), slot_type(real), read_type(real)
     once, more = real(1.0 / part), real((1.0 - part) / part)
     vectors = wp.array(dtype=t.vec3)
 
@@ -103,15 +103,15 @@ def end(real, module, part: float = 0.5):
 
 
 @cache
-def even(real, module):
+def prolonged_velocity_kernel(real, module):
     """Kernel over points: velocities behind contacts that push. Reads v, push. rest: J - P / h of each slot: it stays, so that
-    others may push between two launches; was, now: see `begin`."""
-    t, Slots, Read, meet = types(real), slots(real), read(real), meeting(real)
-    Rows, Points = tables(real)
+    others may push between two launches; was, now: see `prolonged_contact_kernel`."""
+    t, Slots, Read, meet = types(real), slot_type(real), read_type(real), plane_projection_func(real)
+    Rows, Points = contact_tables(real)
     vectors = wp.array(dtype=t.vec3)
 
     @wp.func
-    def ahead(s: Slots, j: int, before: t.vec4):
+    def surface_velocity_at_end(s: Slots, j: int, before: t.vec4):
         """Velocity of the surface at the end."""
         u = s.u[j]
         if before[3] == real(s.row[j] + 1):
@@ -142,7 +142,7 @@ def even(real, module):
                     n = s.n[j]
                     P = at.push[j]
                     if wp.dot(P, n) > real(0.0):
-                        w = ahead(s, j, before)
+                        w = surface_velocity_at_end(s, j, before)
                         mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                         v, J, _ = meet(n, -wp.dot(n, w), t.vec3(), w, rest_out[j] + P / c.h, v, mu, t.vec3())
                         rest_out[j] = J - P / c.h

@@ -17,11 +17,12 @@ where its parabolas take it, to rounding: d' = d + p n, and of a new anchor a' =
 changes by q n. What the projection did across n (friction), and other contacts, stays. Of several impacts of a point the
 fastest counts.
 
-Explicit integrators (`bounce_free`): V0 and A are of the displacement D and the velocity V1 that they have predicted,
-V1 = V0 + A h and D = V0 h + A h^2 / 2, which leapfrog, midpoint and rk4 are for constant forces (bend = 2; explicit Euler,
-D = V0 h: 1); springs act on the point as they did at the start of the substep. Implicit ones and symplectic Euler
-(`bounce_held`): V0 is the velocity before, A gravity and drag of the air; what constraints do within the substep counts after
-the impact only. The flight between impacts is the integrator's, of first or, with BDF2, second order; so are sensitivities.
+Explicit integrators (`explicit_restitution_kernel`): V0 and A are of the displacement D and the velocity V1 that they have
+predicted, V1 = V0 + A h and D = V0 h + A h^2 / 2, which leapfrog, midpoint and rk4 are for constant forces (bend = 2; explicit
+Euler, D = V0 h: 1); springs act on the point as they did at the start of the substep. Implicit ones and symplectic Euler
+(`implicit_restitution_kernel`): V0 is the velocity before, A gravity and drag of the air; what constraints do within the
+substep counts after the impact only. The flight between impacts is the integrator's, of first or, with BDF2, second order; so
+are sensitivities.
 
 Slow impacts stay as the projection leaves them, inelastic: e S <= 2 h max(-B, 0), a flight of at most 4 substeps. Else
 infinitely many would follow one another (Zeno). So do points that begin in an overlap, and those that constraints carry to
@@ -36,20 +37,20 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact.project import SUNK, read, slots
-from wsim.kernels.math.real import differentiable, types
-from wsim.kernels.motion.points import constants
+from wsim.kernels.contact.project import SUNK, read_type, slot_type
+from wsim.kernels.math.real import has_adjoint, types
+from wsim.kernels.motion.points import point_constants
 
 FLIGHT = 2.0           # substeps of pressing acceleration that a rebound must be faster than. 1 would do for leapfrog, in
                        # whose steps a resting point meets its plane at h B / 2; backward Euler's does at h B
 
 
 @cache
-def bounces(real):
+def bounce_type(real):
     """Struct: reads only."""
 
     @wp.struct
-    class Bounces:
+    class BounceConstants:
         restitution: wp.array2d(dtype=real)      # of each row of the table of colliders, (rows, 1); with gradients of each row
                                                  # of an object for each point, (rows of an object, points)
         h: real                                  # substep [s]
@@ -57,11 +58,11 @@ def bounces(real):
         source: int                              # copy of the pair (explicit)
         bend: real                               # A = bend (V1 h - D) / h^2 (explicit)
 
-    return Bounces
+    return BounceConstants
 
 
 @wp.func
-def impact(gap: Any, w: Any, B: Any):
+def time_of_impact_on_plane(gap: Any, w: Any, B: Any):
     """(s, S): time until gap + w s + B s^2 / 2 = 0 and the speed there; w < 0 <= gap. S is 0 where the plane is not met."""
     two = type(gap)(2.0)
     square = w * w - two * B * gap
@@ -72,24 +73,24 @@ def impact(gap: Any, w: Any, B: Any):
 
 
 @cache
-def formula(real):
+def restitution_law(real):
     """(struck, thrown): which contact of a point throws it back, and how."""
     t = types(real)
-    Bounces, Slots, vec3 = bounces(real), slots(real), t.vec3
+    Bounces, Slots, vec3 = bounce_type(real), slot_type(real), t.vec3
 
     @wp.func
-    def restitution(c: Bounces, row: int, i: int):
+    def contact_restitution(c: Bounces, row: int, i: int):
         return c.restitution[row % c.restitution.shape[0], i % c.restitution.shape[1]]
 
     @wp.func
-    def struck(c: Bounces, s: Slots, push: wp.array(dtype=vec3), i: int, V0: vec3):
+    def fastest_approach_slot(c: Bounces, s: Slots, push: wp.array(dtype=vec3), i: int, V0: vec3):
         """Slot of the contact that pushes and throws back which the point approaches fastest, or -1."""
         found = int(-1)
         most = real(0.0)
         if (s.mark[i] & SUNK) == 0:
             for slot in range(s.count[i]):
                 j = slot * s.points + i
-                if wp.dot(push[j], s.n[j]) > real(0.0) and restitution(c, s.row[j], i) > real(0.0):
+                if wp.dot(push[j], s.n[j]) > real(0.0) and contact_restitution(c, s.row[j], i) > real(0.0):
                     speed = wp.dot(s.n[j], s.u[j] - V0)
                     if speed > most:
                         most = speed
@@ -97,36 +98,37 @@ def formula(real):
         return found
 
     @wp.func
-    def thrown(c: Bounces, s: Slots, i: int, j: int, start: vec3, V0: vec3, A: vec3, V: vec3):
+    def restitution_change(c: Bounces, s: Slots, i: int, j: int, start: vec3, V0: vec3, A: vec3, V: vec3):
         """(p, q): what the displacement and the velocity V, after the projection, change by along n; 0 where it is slow."""
         n = s.n[j]
         u = s.u[j]
-        e = restitution(c, s.row[j], i)
+        e = contact_restitution(c, s.row[j], i)
         w = wp.dot(n, V0 - u)
         B = wp.dot(n, A)
         gap = wp.max(s.b[j] + wp.dot(n, start + c.h * u), real(0.0))
         p = real(0.0)
         q = real(0.0)
         if w < real(0.0):
-            time, S = impact(gap, w, B)
+            time, S = time_of_impact_on_plane(gap, w, B)
             r = c.h - time
             if r > real(0.0) and e * S > real(FLIGHT) * c.h * wp.max(-B, real(0.0)):
                 p = e * S * r + real(0.5) * B * r * r
                 q = e * S + B * r - wp.dot(n, V - u)
         return p, q
 
-    return struck, thrown
+    return fastest_approach_slot, restitution_change
 
 
 @cache
-def bounce_free(real, module):
+def explicit_restitution_kernel(real, module):
     """Kernel over points, for explicit integrators: pair holds what they have predicted, displacements (copy `source`) and
     velocities (2 + source); e is what both started from. Reads e, d, a, push. normal_out: n of the impact, or 0."""
-    t, Read = types(real), read(real)
-    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), formula(real), wp.array(dtype=t.vec3)
+    t, Read = types(real), read_type(real)
+    Bounces, Slots, (struck, thrown), vectors = (bounce_type(real), slot_type(real), restitution_law(real),
+                                                 wp.array(dtype=t.vec3))
 
-    def bounce_free(c: Bounces, s: Slots, at: Read, pair: vectors,
-                    d_out: vectors, a_out: vectors, push_out: vectors, normal_out: vectors):
+    def apply_explicit_restitution(c: Bounces, s: Slots, at: Read, pair: vectors,
+                                   d_out: vectors, a_out: vectors, push_out: vectors, normal_out: vectors):
         i = wp.tid()
         d0 = at.d[i]
         a0 = at.a[i]
@@ -149,19 +151,21 @@ def bounce_free(real, module):
                 normal = n
         normal_out[i] = normal
 
-    return wp.kernel(bounce_free, name=f"bounce_free_{t.name}", module=module, enable_backward=differentiable(module))
+    return wp.kernel(apply_explicit_restitution, name=f"bounce_free_{t.name}", module=module,
+                     enable_backward=has_adjoint(module))
 
 
 @cache
-def bounce_held(real, module):
+def implicit_restitution_kernel(real, module):
     """Kernel over points, for implicit integrators: v is the velocity before, e the displacement that the substep started from.
     Reads v, e, d, a, push. thrown_out (may be None): whether it was."""
-    t, Read = types(real), read(real)
-    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), formula(real), wp.array(dtype=t.vec3)
-    Constants = constants(real)
+    t, Read = types(real), read_type(real)
+    Bounces, Slots, (struck, thrown), vectors = (bounce_type(real), slot_type(real), restitution_law(real),
+                                                 wp.array(dtype=t.vec3))
+    Constants = point_constants(real)
 
-    def bounce_held(c: Bounces, constants: Constants, s: Slots, at: Read,
-                    d_out: vectors, a_out: vectors, push_out: vectors, thrown_out: wp.array(dtype=real)):
+    def apply_implicit_restitution(c: Bounces, constants: Constants, s: Slots, at: Read,
+                                   d_out: vectors, a_out: vectors, push_out: vectors, thrown_out: wp.array(dtype=real)):
         i = wp.tid()
         d0 = at.d[i]
         a0 = at.a[i]
@@ -183,19 +187,21 @@ def bounce_held(real, module):
         if thrown_out:
             thrown_out[i] = thrown_now
 
-    return wp.kernel(bounce_held, name=f"bounce_held_{t.name}", module=module, enable_backward=differentiable(module))
+    return wp.kernel(apply_implicit_restitution, name=f"bounce_held_{t.name}", module=module,
+                     enable_backward=has_adjoint(module))
 
 
 @cache
-def bounce_beyond(real, module):
+def prolonged_restitution_kernel(real, module):
     """Kernel over points, where a step has gone on from its middle to its end (kernels/contact/prolonged.py): v is the velocity
     before, V the one there. Reads v, d, a, push, V. Of a contact that throws nothing is left to give: push_out, rest_out."""
-    t, Read = types(real), read(real)
-    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), formula(real), wp.array(dtype=t.vec3)
-    Constants = constants(real)
+    t, Read = types(real), read_type(real)
+    Bounces, Slots, (struck, thrown), vectors = (bounce_type(real), slot_type(real), restitution_law(real),
+                                                 wp.array(dtype=t.vec3))
+    Constants = point_constants(real)
 
-    def bounce_beyond(c: Bounces, constants: Constants, s: Slots, at: Read,
-                      d_out: vectors, V_out: vectors, push_out: vectors, rest_out: vectors):
+    def apply_prolonged_restitution(c: Bounces, constants: Constants, s: Slots, at: Read,
+                                    d_out: vectors, V_out: vectors, push_out: vectors, rest_out: vectors):
         i = wp.tid()
         V0 = at.v[i]
         slot = struck(c, s, at.push, i, V0)
@@ -211,32 +217,33 @@ def bounce_beyond(real, module):
                 push_out[j] = t.vec3()
                 rest_out[j] = t.vec3()
 
-    return wp.kernel(bounce_beyond, name=f"bounce_beyond_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(apply_prolonged_restitution, name=f"bounce_beyond_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def spare(real, module):
+def impact_kick_kernel(real, module):
     """Kernel over points: leapfrog's last half kick (`settle`, kernels/motion/explicit.py) leaves out what contacts would take
     back; of an impact that is over it takes nothing back. change: what others changed the velocity by [m/s]."""
     vectors = wp.array(dtype=types(real).vec3)
 
-    def spare(change: vectors, normal: vectors, change_out: vectors):
+    def remove_impact_kick(change: vectors, normal: vectors, change_out: vectors):
         i = wp.tid()
         n = normal[i]
         c = change[i]
         change_out[i] = c - wp.dot(n, c) * n
 
-    return wp.kernel(spare, name=f"spare_{types(real).name}", module=module, enable_backward=differentiable(module))
+    return wp.kernel(remove_impact_kick, name=f"spare_{types(real).name}", module=module, enable_backward=has_adjoint(module))
 
 
 @cache
-def renew(real, module):
+def history_after_impact_kernel(real, module):
     """Kernel over points, after the substep of a multistep integrator: one that was thrown has flown as it does now, with
     u = v - h A the velocity before and s = h v - h^2 A / 2 the step before."""
     t = types(real)
-    Constants, vectors = constants(real), wp.array(dtype=t.vec3)
+    Constants, vectors = point_constants(real), wp.array(dtype=t.vec3)
 
-    def renew(constants: Constants, thrown: wp.array(dtype=real), v: vectors, h: real, s_out: vectors, u_out: vectors):
+    def renew_impact_history(constants: Constants, thrown: wp.array(dtype=real), v: vectors, h: real, s_out: vectors,
+                             u_out: vectors):
         i = wp.tid()
         if thrown[i] != real(0.0):
             o = constants.object[i]
@@ -244,11 +251,11 @@ def renew(real, module):
             s_out[i] = h * (v[i] - real(0.5) * change)
             u_out[i] = v[i] - change
 
-    return wp.kernel(renew, name=f"renew_{t.name}", module=module, enable_backward=differentiable(module))
+    return wp.kernel(renew_impact_history, name=f"renew_{t.name}", module=module, enable_backward=has_adjoint(module))
 
 
 @cache
-def stand(real, module):
+def impact_anchor_kernel(real, module):
     """Kernel over points: one that was thrown has the anchor that it was thrown by."""
     vectors = wp.array(dtype=types(real).vec3)
 

@@ -25,45 +25,45 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import collide, mesh
-from wsim.kernels.contact.collide import NEWTON_LIMIT, done, onward
-from wsim.kernels.contact.collider_gradients import corners, moved, seen
+from wsim.kernels.contact.collide import NEWTON_LIMIT, newton_sweep_step, sweep_is_done
+from wsim.kernels.contact.collider.colliders import collider_frame_funcs
+from wsim.kernels.contact.collider.shape import convex_distance_func
+from wsim.kernels.contact.collider_gradients import corner_type, gradients_in_frame, pose_slope
 from wsim.kernels.contact.mesh import SOLID
-from wsim.kernels.contact.project import slots, tables
-from wsim.kernels.contact.project_adjoint import grads, read
-from wsim.kernels.contact.shape import distance
+from wsim.kernels.contact.project import contact_tables, slot_type
+from wsim.kernels.contact.project_adjoint import gradient_type, read_type
 from wsim.kernels.math.real import types
 
 
 @cache
-def products(kinds: tuple[str, ...], real):
+def touch_products(kinds: tuple[str, ...], real):
     """Functions that Warp differentiates: v.n of a convex shape at q, whose gradient is H v; and what a mesh gives times the
     gradients by it: how is r and those by C and s0, G has those by n, p and slip in rows."""
-    t, formula, settled = types(real), distance(kinds), mesh.settled(real)
+    t, formula, settled = types(real), convex_distance_func(kinds), mesh.mesh_plane_func(real)
     vec3, two = t.vec3, wp.types.matrix((2, 3), real)
 
     @wp.func
-    def bent(kind: int, size: vec3, q: vec3, v: vec3):
+    def convex_hessian_product(kind: int, size: vec3, q: vec3, v: vec3):
         phi, n = formula(kind, size, q)
         return wp.dot(v, n)
 
     @wp.func
-    def faced(X: t.mat33, V: t.mat33, Y: t.mat33, what: int, sides: t.vec2, ends: two, how: vec3, G: t.mat33):
+    def mesh_contact_product(X: t.mat33, V: t.mat33, Y: t.mat33, what: int, sides: t.vec2, ends: two, how: vec3, G: t.mat33):
         C, n, p, s0, slip = settled(X, V, Y, what, sides, ends, how[0])
         return how[1] * C + how[2] * s0 + wp.dot(G[0], n) + wp.dot(G[1], p) + wp.dot(G[2], slip)
 
-    return bent, faced
+    return convex_hessian_product, mesh_contact_product
 
 
 @cache
-def need(kinds: tuple[str, ...], real, module) -> None:
+def compile_search_gradient(kinds: tuple[str, ...], real, module) -> None:
     """A kernel that never runs: see kernels/solver/xpbd_vjp.py."""
-    t, (bent, faced) = types(real), products(kinds, real)
-    convex, meshes = map(bool, collide.split(kinds))
+    t, (bent, faced) = types(real), touch_products(kinds, real)
+    convex, meshes = map(bool, collide.split_convex_and_meshes(kinds))
     vec3 = t.vec3
 
-    def called(kind: int, b: real, out: wp.array(dtype=real)):
+    def call_search_gradient(kind: int, b: real, out: wp.array(dtype=real)):
         o = vec3()
         if convex:
             out[0] = bent(kind, o, o, o)
@@ -71,38 +71,38 @@ def need(kinds: tuple[str, ...], real, module) -> None:
             X = t.mat33()
             out[0] = faced(X, X, X, kind, t.vec2(b, b), wp.matrix_from_rows(o, o), o, X)
 
-    wp.kernel(called, name=f"need_search_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=True)
+    wp.kernel(call_search_gradient, name=f"need_search_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=True)
 
 
 @cache
-def convex_adjoint(kinds: tuple[str, ...], real):
-    """Function: gradients by q0, q1 and r (first of the last row) of `collide.touch_convex` from those by C and s0 (`by`), n
-    and p (rows of G). ends: q0 and q1; how: r, margin, width."""
-    t, formula, (bent, _) = types(real), distance(kinds), products(kinds, real)
+def convex_adjoint_func(kinds: tuple[str, ...], real):
+    """Function: gradients by q0, q1 and r (first of the last row) of `collide.convex_touch_func` from those by C and s0 (`by`),
+    n and p (rows of G). ends: q0 and q1; how: r, margin, width."""
+    t, formula, (bent, _) = types(real), convex_distance_func(kinds), touch_products(kinds, real)
     vec3, path = t.vec3, wp.types.vector(NEWTON_LIMIT + 1, real)
 
     @wp.func
-    def iterates(kind: int, size: vec3, q0: vec3, dq: vec3, how: vec3):
+    def sweep_iterates(kind: int, size: vec3, q0: vec3, dq: vec3, how: vec3):
         """tau_0 .. tau_k, and k."""
         r = how[0]
         taus = path()
         k = int(0)
         while k < NEWTON_LIMIT:
             phi, n = formula(kind, size, q0 + taus[k] * dq)
-            if done(taus[k], phi - r, wp.length(dq), how[1]) or (k == 0 and phi - r < how[2]):
+            if sweep_is_done(taus[k], phi - r, wp.length(dq), how[1]) or (k == 0 and phi - r < how[2]):
                 break
-            taus[k + 1] = onward(taus[k], phi - r, -wp.dot(n, dq))
+            taus[k + 1] = newton_sweep_step(taus[k], phi - r, -wp.dot(n, dq))
             k += 1
         return taus, k
 
     @wp.func
-    def convex_adjoint(kind: int, size: vec3, ends: wp.types.matrix((2, 3), real), how: t.vec3, by: t.vec2, G: t.mat33):
+    def convex_contact_adjoint(kind: int, size: vec3, ends: wp.types.matrix((2, 3), real), how: t.vec3, by: t.vec2, G: t.mat33):
         q0 = ends[0]
         dq = ends[1] - q0
         r = how[0]
         gC = by[0]
         gp = G[1]
-        taus, k = iterates(kind, size, q0, dq, how)
+        taus, k = sweep_iterates(kind, size, q0, dq, how)
         tau = taus[k]
         q = q0 + tau * dq
         phi, n = formula(kind, size, q)
@@ -129,17 +129,18 @@ def convex_adjoint(kinds: tuple[str, ...], real):
         phi, n = formula(kind, size, q0)
         return wp.matrix_from_rows(g0 - gd + by[1] * n, gd, vec3(gr, real(0.0), real(0.0)))
 
-    return convex_adjoint
+    return convex_contact_adjoint
 
 
 @cache
-def mesh_adjoint(kinds: tuple[str, ...], real):
-    """Function, as `convex_adjoint`, of `mesh.touch_mesh`; how: r, margin, depth; last row of G: by slip. The face is looked
-    for once more. Then gradients by X, V and Y in rows, and the faces, as `mesh.look` has them."""
-    t, find, (_, faced) = types(real), mesh.look(kinds, real), products(kinds, real)
+def mesh_adjoint_func(kinds: tuple[str, ...], real):
+    """Function, as `convex_adjoint_func`, of `mesh.mesh_touch_func`; how: r, margin, depth; last row of G: by slip. The face is
+    looked for once more. Then gradients by X, V and Y in rows, and the faces, as `mesh.feature_search_func` has them."""
+    t, find, (_, faced) = types(real), mesh.feature_search_func(kinds, real), touch_products(kinds, real)
 
     @wp.func
-    def mesh_adjoint(kind: int, surface: wp.uint64, ends: wp.types.matrix((2, 3), real), how: t.vec3, by: t.vec2, G: t.mat33):
+    def mesh_contact_adjoint(kind: int, surface: wp.uint64, ends: wp.types.matrix((2, 3), real), how: t.vec3, by: t.vec2,
+                             G: t.mat33):
         X, V, Y, what, sides, faces = find(kind, surface, 1, how[2], ends[0], ends[1], how[1] + how[0])
         gX, gV, gY, _what, _sides, by_ends, by_how, _G = wp.grad(faced)(
             X, V, Y, what, sides, ends, t.vec3(how[0], by[0], by[1]), G)
@@ -147,20 +148,21 @@ def mesh_adjoint(kinds: tuple[str, ...], real):
         found = wp.matrix_from_rows(by_ends[0], by_ends[1], t.vec3(by_how[0], real(0.0), real(0.0)))
         return found, by_corners, faces
 
-    return mesh_adjoint
+    return mesh_contact_adjoint
 
 
 @cache
-def met(kinds: tuple[str, ...], real):
+def replayed_funcs(kinds: tuple[str, ...], real):
     """Functions of point i. One contact, with the collider of a row: ends of the path, (distance kept, margin, overlap, part of
     it that is left), and in rows its normal, where the surface is touched, and the surface's own way. How far it was carried
     before slot `last`."""
     t, touch, (inside, outside), (Rows, Points), Slots = (
-        types(real), collide.touch(kinds, real), frames(real), tables(real), slots(real))
+        types(real), collide.collider_touch_func(kinds, real), collider_frame_funcs(real), contact_tables(real),
+        slot_type(real))
     vec3 = t.vec3
 
     @wp.func
-    def met(c: Rows, points: Points, i: int, row: int, k: int, x: vec3, d: vec3):
+    def replay_contact(c: Rows, points: Points, i: int, row: int, k: int, x: vec3, d: vec3):
         T0 = c.of.pose[k, row]
         T1 = c.of.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
@@ -172,14 +174,14 @@ def met(kinds: tuple[str, ...], real):
         return wp.matrix_from_rows(q0, q1), t.vec4(r, margin, -s0, out), wp.matrix_from_rows(n, p, slip)
 
     @wp.func
-    def carried(c: Rows, points: Points, s: Slots, i: int, last: int, k: int, x: vec3, d: vec3):
+    def replay_overlap_shift(c: Rows, points: Points, s: Slots, i: int, last: int, k: int, x: vec3, d: vec3):
         far = vec3()
         for slot in range(last):
-            ends, how, its = met(c, points, i, s.row[slot * s.points + i], k, x + far, d)
+            ends, how, its = replay_contact(c, points, i, s.row[slot * s.points + i], k, x + far, d)
             far += how[3] * its[0]
         return far
 
-    return met, carried
+    return replay_contact, replay_overlap_shift
 
 
 @wp.func
@@ -194,7 +196,7 @@ def slid_way(s: Any, i: int, last: int, d: Any, carried: Any):
 
 
 @wp.func
-def overlap(gb: Any, by_out: Any, how: Any, most: Any):
+def overlap_gradient(gb: Any, by_out: Any, how: Any, most: Any):
     """Gradient by s0, from those by b and by what is left of the overlap, at most `most`."""
     found = gb
     if how[2] < most:
@@ -209,13 +211,12 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
     """Kernel over points: the adjoint of the search of substep k; gradients by d and a that it has moved are left where they
     are, for the copies before it. Arguments: rows, points, slots, what was read (x, d), gradients, gradients by corners of
     meshes, which are written where they are kept, k."""
-    t, (meet, carry), (shapes, surfaces) = types(real), met(kinds, real), collide.split(kinds)
-    of_convex, of_mesh = convex_adjoint(shapes, real), mesh_adjoint(surfaces, real)
-    convex, meshes = bool(shapes), bool(surfaces)
-    (Rows, Points), Slots, Read, Grads, vec3 = tables(real), slots(real), read(real), grads(real), t.vec3
-    Corners = corners(real)
+    t, (meet, carry), (shapes, surfaces) = types(real), replayed_funcs(kinds, real), collide.split_convex_and_meshes(kinds)
+    of_convex, of_mesh = convex_adjoint_func(shapes, real), mesh_adjoint_func(surfaces, real)
+    convex, meshes, Corners, vec3 = bool(shapes), bool(surfaces), corner_type(real), t.vec3
+    (Rows, Points), Slots, Read, Grads = contact_tables(real), slot_type(real), read_type(real), gradient_type(real)
 
-    def search(c: Rows, points: Points, s: Slots, at: Read, o: Grads, by_corners: Corners, k: int):
+    def accumulate_search_adjoint(c: Rows, points: Points, s: Slots, at: Read, o: Grads, by_corners: Corners, k: int):
         i = wp.tid()
         x = at.x[i]
         d = at.d[i]
@@ -236,11 +237,11 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
             gb = o.b[j]
             N = o.n[j] + how[3] * K - gb * (slid + carried)
             W = o.u[j] / c.h
-            by = t.vec2(gb, overlap(gb, wp.dot(K, n) - gb, how, c.recovery * c.h))
-            G = seen(c, row, k, N, W)
+            by = t.vec2(gb, overlap_gradient(gb, wp.dot(K, n) - gb, how, c.recovery * c.h))
+            G = gradients_in_frame(c, row, k, N, W)
             kind = c.of.kind[row]
             g = t.mat33()
-            if convex:                                        # not in a function: see `convex_adjoint`
+            if convex:                                        # not in a function: see `convex_adjoint_func`
                 if kind < SOLID:
                     g = of_convex(kind, c.of.size[row], ends, vec3(how[0], how[1], c.width), by, G)
             if meshes:
@@ -254,13 +255,13 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
             g1 = wp.quat_rotate(wp.transform_get_rotation(c.of.pose[k + 1, row]), g[1])
             place = (row - c.first[points.object[i]]) * s.points + i
             o.gap[place] = o.gap[place] + g[2][0]
-            o.motion[place] = o.motion[place] + moved(c, row, k, x + carried, slid, wp.matrix_from_rows(g0, g1, N, W), its)
+            o.motion[place] = o.motion[place] + pose_slope(c, row, k, x + carried, slid, wp.matrix_from_rows(g0, g1, N, W), its)
             by_x += g0 + g1
             by_d += g1 - gb * n
             K += g0 + g1 - gb * n
         o.x[i] = o.x[i] + by_x
         o.d[i] = o.d[i] + by_d
 
-    need(kinds, real, module)
+    compile_search_gradient(kinds, real, module)
     name = f"adjoint_search_{'_'.join(kinds)}{'_kept' * kept}_{t.name}"
-    return wp.kernel(search, name=name, module=module, enable_backward=False)
+    return wp.kernel(accumulate_search_adjoint, name=name, module=module, enable_backward=False)

@@ -17,16 +17,16 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.sampling import natives
+from wsim.kernels.fluid.sampling import native_samplers
 from wsim.kernels.math.real import types
 
 
 @cache
-def structs(real) -> SimpleNamespace:
+def grid_structs(real) -> SimpleNamespace:
     t = types(real)
 
     @wp.struct
-    class Grid:
+    class StaggeredGrid:
         n: wp.vec3i                        # cells
         periodic: wp.vec3i                 # 1: that axis is
         outside: wp.vec3i                  # bit 1, 2: beyond the low, the high side is the air around
@@ -39,11 +39,11 @@ def structs(real) -> SimpleNamespace:
         y: wp.array(dtype=real)
         z: wp.array(dtype=real)
 
-    return SimpleNamespace(Grid=Grid, Faces=Faces)
+    return SimpleNamespace(Grid=StaggeredGrid, Faces=Faces)
 
 
 @wp.func
-def wrapped(i: int, n: int, periodic: int):
+def wrap_row(i: int, n: int, periodic: int):
     """Row that stands for row i of n."""
     j = int(i)
     if periodic != 0:
@@ -56,7 +56,7 @@ def wrapped(i: int, n: int, periodic: int):
 
 
 @wp.func
-def beside(i: int, n: int, periodic: int):
+def wrap_near_row(i: int, n: int, periodic: int):
     """Row that stands for row i of n, which is no further off than n."""
     j = int(i)
     if periodic != 0:
@@ -68,7 +68,7 @@ def beside(i: int, n: int, periodic: int):
 
 
 @wp.func
-def place_of(c: int, shape: wp.vec3i):
+def cell_from_index(c: int, shape: wp.vec3i):
     """(i, j, k) of a flat index."""
     i = c // shape[2]
     j = i // shape[1]
@@ -76,34 +76,34 @@ def place_of(c: int, shape: wp.vec3i):
 
 
 @wp.func
-def flat(i: wp.vec3i, shape: wp.vec3i):
+def flat_cell_index(i: wp.vec3i, shape: wp.vec3i):
     """Flat index of (i, j, k)."""
     return (i[0] * shape[1] + i[1]) * shape[2] + i[2]
 
 
 @cache
-def functions(dim: int, real) -> SimpleNamespace:
+def grid_functions(dim: int, real) -> SimpleNamespace:
     """place(c, shape), faces(g, axis) -> shape, linear and cubic (q, shape, periodic, s) -> value at s rows, velocity(g, u, x),
     least and most of the rows around. dim: 2 or 3."""
-    t, S, plain = types(real), structs(real), natives(dim, real)
+    t, S, plain = types(real), grid_structs(real), native_samplers(dim, real)
     vec4i = wp.types.vector(4, int)
     deep = dim == 3
 
     @wp.func
-    def place(c: int, shape: wp.vec3i):
+    def grid_place(c: int, shape: wp.vec3i):
         if wp.static(deep):
-            return place_of(c, shape)
+            return cell_from_index(c, shape)
         i = c // shape[1]
         return wp.vec3i(i, c - i * shape[1], 0)
 
     @wp.func
-    def faces(g: S.Grid, axis: int):
+    def face_shape(g: S.Grid, axis: int):
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         shape[axis] = g.n[axis] + 1 - g.periodic[axis]
         return shape
 
     @wp.func
-    def held(s: t.vec3, shape: wp.vec3i, periodic: wp.vec3i):
+    def clamp_to_grid(s: t.vec3, shape: wp.vec3i, periodic: wp.vec3i):
         """s, within the rows; along a periodic axis around."""
         h = t.vec3(s[0], s[1], s[2])
         for a in range(wp.static(dim)):
@@ -115,30 +115,30 @@ def functions(dim: int, real) -> SimpleNamespace:
         return h
 
     @wp.func
-    def row(i: int, j: int, k: int, shape: wp.vec3i, periodic: wp.vec3i):
-        a = beside(i, shape[0], periodic[0])
-        b = beside(j, shape[1], periodic[1])
+    def wrapped_row_index(i: int, j: int, k: int, shape: wp.vec3i, periodic: wp.vec3i):
+        a = wrap_near_row(i, shape[0], periodic[0])
+        b = wrap_near_row(j, shape[1], periodic[1])
         if wp.static(deep):
-            return (a * shape[1] + b) * shape[2] + beside(k, shape[2], periodic[2])
+            return (a * shape[1] + b) * shape[2] + wrap_near_row(k, shape[2], periodic[2])
         return a * shape[1] + b
 
     @wp.func
-    def linear(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
-        s = held(at, shape, periodic)
+    def linear_grid_sample(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
+        s = clamp_to_grid(at, shape, periodic)
         i = int(wp.floor(s[0]))
         j = int(wp.floor(s[1]))
         k = int(0)
         fx = s[0] - real(i)
         fy = s[1] - real(j)
-        i0 = beside(i, shape[0], periodic[0])
-        i1 = beside(i + 1, shape[0], periodic[0])
-        j0 = beside(j, shape[1], periodic[1])
-        j1 = beside(j + 1, shape[1], periodic[1])
+        i0 = wrap_near_row(i, shape[0], periodic[0])
+        i1 = wrap_near_row(i + 1, shape[0], periodic[0])
+        j0 = wrap_near_row(j, shape[1], periodic[1])
+        j1 = wrap_near_row(j + 1, shape[1], periodic[1])
         if wp.static(deep):
             k = int(wp.floor(s[2]))
             fz = s[2] - real(k)
-            k0 = beside(k, shape[2], periodic[2])
-            k1 = beside(k + 1, shape[2], periodic[2])
+            k0 = wrap_near_row(k, shape[2], periodic[2])
+            k1 = wrap_near_row(k + 1, shape[2], periodic[2])
             r00 = (i0 * shape[1] + j0) * shape[2]
             r01 = (i0 * shape[1] + j1) * shape[2]
             r10 = (i1 * shape[1] + j0) * shape[2]
@@ -150,24 +150,24 @@ def functions(dim: int, real) -> SimpleNamespace:
                        wp.lerp(q[i1 * shape[1] + j0], q[i1 * shape[1] + j1], fy), fx)
 
     @wp.func
-    def around(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
-        """(least, most) of the rows that `linear` reads."""
-        s = held(at, shape, periodic)
+    def linear_bounds(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
+        """(least, most) of the rows that `linear_grid_sample` reads."""
+        s = clamp_to_grid(at, shape, periodic)
         i = int(wp.floor(s[0]))
         j = int(wp.floor(s[1]))
         k = int(0)
         if wp.static(deep):
             k = int(wp.floor(s[2]))
-        least = q[row(i, j, k, shape, periodic)]
+        least = q[wrapped_row_index(i, j, k, shape, periodic)]
         most = least
         for m in range(1, wp.static(2 ** dim)):
-            v = q[row(i + m % 2, j + (m // 2) % 2, k + m // 4, shape, periodic)]
+            v = q[wrapped_row_index(i + m % 2, j + (m // 2) % 2, k + m // 4, shape, periodic)]
             least = wp.min(least, v)
             most = wp.max(most, v)
         return least, most
 
     @wp.func
-    def weights(f: real):
+    def lagrange_weights(f: real):
         """Of the rows -1, 0, 1, 2 about a fraction f in 0 .. 1: the cubic through them (Lagrange)."""
         a = f + real(1.0)
         b = f - real(1.0)
@@ -175,23 +175,24 @@ def functions(dim: int, real) -> SimpleNamespace:
         return t.vec4(-f * b * c / real(6.0), a * b * c * real(0.5), -a * f * c * real(0.5), a * f * b / real(6.0))
 
     @wp.func
-    def stride(shape: wp.vec3i):
+    def first_axis_stride(shape: wp.vec3i):
         """To the next row along the first axis."""
         return shape[1] * shape[2]
 
     @wp.func
-    def rows(i: int, n: int, periodic: int):
-        return vec4i(beside(i - 1, n, periodic), beside(i, n, periodic), beside(i + 1, n, periodic), beside(i + 2, n, periodic))
+    def cubic_rows(i: int, n: int, periodic: int):
+        return vec4i(wrap_near_row(i - 1, n, periodic), wrap_near_row(i, n, periodic), wrap_near_row(i + 1, n, periodic),
+                     wrap_near_row(i + 2, n, periodic))
 
     @wp.func
-    def floors(s: t.vec3):
+    def floor_cell(s: t.vec3):
         i = wp.vec3i(int(wp.floor(s[0])), int(wp.floor(s[1])), 0)
         if wp.static(deep):
             i[2] = int(wp.floor(s[2]))
         return i
 
     @wp.func
-    def inner(i: wp.vec3i, shape: wp.vec3i):
+    def cubic_rows_inside(i: wp.vec3i, shape: wp.vec3i):
         """Whether the four rows about i are all within, along each axis."""
         all = i[0] > 0 and i[0] + 2 < shape[0] and i[1] > 0 and i[1] + 2 < shape[1]
         if wp.static(deep):
@@ -199,18 +200,18 @@ def functions(dim: int, real) -> SimpleNamespace:
         return all
 
     @wp.func
-    def lowest(i: wp.vec3i, shape: wp.vec3i):
+    def lowest_cubic_row(i: wp.vec3i, shape: wp.vec3i):
         """First of the four rows about i, along each axis."""
         if wp.static(deep):
             return ((i[0] - 1) * shape[1] + i[1] - 1) * shape[2] + i[2] - 1
         return (i[0] - 1) * shape[1] + i[1] - 1
 
     @wp.func
-    def edge(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, i: wp.vec3i, f: t.vec3):
+    def cubic_at_edge(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, i: wp.vec3i, f: t.vec3):
         """The cubic where not all of its rows are within."""
-        wx = weights(f[0])
-        wy = weights(f[1])
-        wz = weights(f[2])
+        wx = lagrange_weights(f[0])
+        wy = lagrange_weights(f[1])
+        wz = lagrange_weights(f[2])
         sum = real(0.0)
         count = int(wp.static(4 ** dim))
         for m in range(count):
@@ -220,36 +221,36 @@ def functions(dim: int, real) -> SimpleNamespace:
             w = wx[a] * wy[b]
             if wp.static(deep):
                 w = w * wz[c]
-            sum += w * q[row(i[0] - 1 + a, i[1] - 1 + b, i[2] - 1 + c, shape, periodic)]
+            sum += w * q[wrapped_row_index(i[0] - 1 + a, i[1] - 1 + b, i[2] - 1 + c, shape, periodic)]
         return sum
 
     @wp.func
-    def cubic(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
-        s = held(at, shape, periodic)
-        i = floors(s)
+    def cubic_sample(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
+        s = clamp_to_grid(at, shape, periodic)
+        i = floor_cell(s)
         f = s - t.vec3(real(i[0]), real(i[1]), real(i[2]))
         value = real(0.0)
-        if inner(i, shape):
-            value = plain.patch(q, lowest(i, shape), stride(shape), shape[2], f)
+        if cubic_rows_inside(i, shape):
+            value = plain.patch(q, lowest_cubic_row(i, shape), first_axis_stride(shape), shape[2], f)
         else:
-            value = edge(q, shape, periodic, i, f)
+            value = cubic_at_edge(q, shape, periodic, i, f)
         return value
 
     @wp.func
-    def limited(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
-        s = held(at, shape, periodic)
-        i = floors(s)
+    def limited_cubic_sample(q: wp.array(dtype=real), shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3):
+        s = clamp_to_grid(at, shape, periodic)
+        i = floor_cell(s)
         f = s - t.vec3(real(i[0]), real(i[1]), real(i[2]))
         value = real(0.0)
-        if inner(i, shape):
-            value = plain.limited(q, lowest(i, shape), stride(shape), shape[2], f)
+        if cubic_rows_inside(i, shape):
+            value = plain.limited(q, lowest_cubic_row(i, shape), first_axis_stride(shape), shape[2], f)
         else:
-            least, most = around(q, shape, periodic, at)
-            value = wp.clamp(edge(q, shape, periodic, i, f), least, most)
+            least, most = linear_bounds(q, shape, periodic, at)
+            value = wp.clamp(cubic_at_edge(q, shape, periodic, i, f), least, most)
         return value
 
     @wp.func
-    def offset(axis: int):
+    def component_offset(axis: int):
         """Where row 0 of a component stands, in cells; axis -1: of the centres."""
         half = t.vec3(real(0.5), real(0.5), real(0.5))
         if axis >= 0:
@@ -257,12 +258,12 @@ def functions(dim: int, real) -> SimpleNamespace:
         return half
 
     @wp.func(inline=False)
-    def velocity(g: S.Grid, u: S.Faces, x: t.vec3):
+    def sample_velocity(g: S.Grid, u: S.Faces, x: t.vec3):
         """At a place, [m/s]."""
         v = t.vec3()
         half = t.vec3(real(0.5), real(0.5), real(0.5))
-        i = floors(x)
-        h = floors(x - half)
+        i = floor_cell(x)
+        h = floor_cell(x - half)
         within = h[0] >= 0 and i[0] + 1 < g.n[0] and h[1] >= 0 and i[1] + 1 < g.n[1]
         if wp.static(deep):
             within = within and h[2] >= 0 and i[2] + 1 < g.n[2]
@@ -280,12 +281,13 @@ def functions(dim: int, real) -> SimpleNamespace:
                 v[0] = plain.between(u.x, i[0] * g.n[1] + h[1], g.n[1], 0, t.vec3(fi[0], fh[1], real(0.0)))
                 v[1] = plain.between(u.y, h[0] * y + i[1], y, 0, t.vec3(fh[0], fi[1], real(0.0)))
             return v
-        v[0] = linear(u.x, faces(g, 0), g.periodic, x - offset(0))
-        v[1] = linear(u.y, faces(g, 1), g.periodic, x - offset(1))
+        v[0] = linear_grid_sample(u.x, face_shape(g, 0), g.periodic, x - component_offset(0))
+        v[1] = linear_grid_sample(u.y, face_shape(g, 1), g.periodic, x - component_offset(1))
         if wp.static(deep):
-            v[2] = linear(u.z, faces(g, 2), g.periodic, x - offset(2))
+            v[2] = linear_grid_sample(u.z, face_shape(g, 2), g.periodic, x - component_offset(2))
         return v
 
-    return SimpleNamespace(place=place, faces=faces, linear=linear, cubic=cubic, around=around, offset=offset,
-                           velocity=velocity, row=row, held=held, weights=weights, rows=rows, limited=limited,
-                           name=f"{dim}d_{t.name}")
+    return SimpleNamespace(place=grid_place, faces=face_shape, linear=linear_grid_sample, cubic=cubic_sample,
+                           around=linear_bounds, offset=component_offset,
+                           velocity=sample_velocity, row=wrapped_row_index, held=clamp_to_grid, weights=lagrange_weights,
+                           rows=cubic_rows, limited=limited_cubic_sample, name=f"{dim}d_{t.name}")

@@ -22,26 +22,26 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
-from wsim.kernels.fluid.solver.level import FREE, levels
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
+from wsim.kernels.fluid.solver.level import FREE, pressure_levels
 from wsim.kernels.math.real import types
 
 
 @cache
-def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
+def poisson_stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
     """Functions of a cell i: couplings(level, i, axis) -> (k low, k high), 0 where there is no neighbour beyond but one of
     pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i;
     diagonal(level, i) -> sum of k."""
-    t, Level, free = types(real), levels(real), fractions == FREE
+    t, Level, free = types(real), pressure_levels(real), fractions == FREE
 
     @wp.func
-    def couplings(level: Level, i: wp.vec3i, axis: int):
+    def face_couplings(level: Level, i: wp.vec3i, axis: int):
         low = level.k[axis]
         high = level.k[axis]
         if wp.static(fractions):
             shape = wp.vec3i(level.n[0], level.n[1], level.n[2])
             shape[axis] = level.n[axis] + 1 - level.periodic[axis]
-            c = flat(i, shape)
+            c = flat_cell_index(i, shape)
             step = int(1)
             if axis == 0:
                 step = shape[1] * shape[2]
@@ -68,16 +68,16 @@ def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
         return low, high
 
     @wp.func
-    def inner(level: Level, i: wp.vec3i):
+    def cell_is_inner(level: Level, i: wp.vec3i):
         all = i[0] > 0 and i[0] + 1 < level.n[0] and i[1] > 0 and i[1] + 1 < level.n[1]
         if wp.static(dim == 3):
             all = all and i[2] > 0 and i[2] + 1 < level.n[2]
         return all
 
     @wp.func
-    def within(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
-        """`beside` of a cell that is at no side."""
-        c = flat(i, level.n)
+    def inner_neighbor_sum(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+        """`neighbor_sum` of a cell that is at no side."""
+        c = flat_cell_index(i, level.n)
         one = level.n[1] * level.n[2]
         two = level.n[2]
         own = real(0.0)
@@ -106,12 +106,12 @@ def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
         return own, sum
 
     @wp.func
-    def at_side(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+    def side_neighbor_sum(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
         own = real(0.0)
         sum = real(0.0)
-        c = flat(i, level.n)
+        c = flat_cell_index(i, level.n)
         for a in range(wp.static(dim)):
-            low, high = couplings(level, i, a)
+            low, high = face_couplings(level, i, a)
             own += low + high
             step = int(1)
             if a == 0:
@@ -129,51 +129,51 @@ def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
         return own, sum
 
     @wp.func
-    def beside(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+    def neighbor_sum(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
         own = real(0.0)
         sum = real(0.0)
-        if inner(level, i):
-            own, sum = within(level, x, i)
+        if cell_is_inner(level, i):
+            own, sum = inner_neighbor_sum(level, x, i)
         else:
-            own, sum = at_side(level, x, i)
+            own, sum = side_neighbor_sum(level, x, i)
         if wp.static(free):
-            own += level.own[flat(i, level.n)]
+            own += level.own[flat_cell_index(i, level.n)]
         return own, sum
 
     @wp.func
-    def diagonal(level: Level, i: wp.vec3i):
+    def poisson_diagonal(level: Level, i: wp.vec3i):
         own = real(0.0)
-        if wp.static(not fractions) and inner(level, i):
+        if wp.static(not fractions) and cell_is_inner(level, i):
             own = level.k[0] + level.k[1]
             if wp.static(dim == 3):
                 own += level.k[2]
             own = real(2.0) * own
         else:
             for a in range(wp.static(dim)):
-                low, high = couplings(level, i, a)
+                low, high = face_couplings(level, i, a)
                 own += low + high
             if wp.static(free):
-                own += level.own[flat(i, level.n)]
+                own += level.own[flat_cell_index(i, level.n)]
         return own
 
     @wp.func
-    def product(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
-        own, sum = beside(level, x, i)
-        return own * x[flat(i, level.n)] - sum
+    def poisson_product(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+        own, sum = neighbor_sum(level, x, i)
+        return own * x[flat_cell_index(i, level.n)] - sum
 
-    return SimpleNamespace(couplings=couplings, beside=beside, product=product, diagonal=diagonal,
+    return SimpleNamespace(couplings=face_couplings, beside=neighbor_sum, product=poisson_product, diagonal=poisson_diagonal,
                            name=f"{dim}d{'_fractions' * bool(fractions)}{'_free' * free}_{t.name}")
 
 
 @cache
-def gradient(dim: int, axis: int, fractions: bool, moving: bool, real):
+def pressure_gradient_function(dim: int, axis: int, fractions: bool, moving: bool, real):
     """Function (g, sides, p, o, s, c, u) -> the component u of face c with the gradient of p taken off; of a face that is
-    closed the velocity of what closes it. sides: as low and high of `levels`."""
-    t, S, f = types(real), structs(real), functions(dim, real)
+    closed the velocity of what closes it. sides: as low and high of `pressure_levels`."""
+    t, S, f = types(real), grid_structs(real), grid_functions(dim, real)
 
     @wp.func
-    def gradient(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: wp.array(dtype=real),
-                 s: wp.array(dtype=real), c: int, u: real):
+    def subtract_pressure_gradient(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: wp.array(dtype=real),
+                                   s: wp.array(dtype=real), c: int, u: real):
         i = f.place(c, f.faces(g, wp.static(axis)))
         before = wp.vec3i(i[0], i[1], i[2])
         before[wp.static(axis)] = i[wp.static(axis)] - 1
@@ -185,11 +185,11 @@ def gradient(dim: int, axis: int, fractions: bool, moving: bool, real):
             before[wp.static(axis)] = g.n[wp.static(axis)] - 1
             first = False
         if first:
-            drop = low[wp.static(axis)] * p[flat(i, g.n)]
+            drop = low[wp.static(axis)] * p[flat_cell_index(i, g.n)]
         elif last:
-            drop = -high[wp.static(axis)] * p[flat(before, g.n)]
+            drop = -high[wp.static(axis)] * p[flat_cell_index(before, g.n)]
         else:
-            drop = p[flat(i, g.n)] - p[flat(before, g.n)]
+            drop = p[flat_cell_index(i, g.n)] - p[flat_cell_index(before, g.n)]
         value -= drop
         if wp.static(fractions):
             if o[c] == real(0.0) and not ((first and low[wp.static(axis)] == real(0.0))
@@ -199,31 +199,31 @@ def gradient(dim: int, axis: int, fractions: bool, moving: bool, real):
                     value = s[c]
         return value
 
-    return gradient
+    return subtract_pressure_gradient
 
 
 @cache
-def project(dim: int, axis: int, fractions: bool, moving: bool, real, module):
+def projection_kernel(dim: int, axis: int, fractions: bool, moving: bool, real, module):
     """Kernel over the faces of an axis: u_out = u - grad p."""
-    t, S = types(real), structs(real)
-    take = gradient(dim, axis, fractions, moving, real)
+    t, S = types(real), grid_structs(real)
+    take = pressure_gradient_function(dim, axis, fractions, moving, real)
 
-    def project(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: wp.array(dtype=real),
-                s: wp.array(dtype=real), u: wp.array(dtype=real), u_out: wp.array(dtype=real)):
+    def project_face_velocity(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: wp.array(dtype=real),
+                              s: wp.array(dtype=real), u: wp.array(dtype=real), u_out: wp.array(dtype=real)):
         c = wp.tid()
         u_out[c] = take(g, low, high, p, o, s, c, u[c])
 
     name = f"project_{'xyz'[axis]}{'_fractions' * fractions}{'_moving' * moving}_{dim}d_{t.name}"
-    return wp.kernel(project, name=name, module=module, enable_backward=False)
+    return wp.kernel(project_face_velocity, name=name, module=module, enable_backward=False)
 
 
 @cache
-def sides(dim: int, axis: int, real, module):
+def closed_side_kernel(dim: int, axis: int, real, module):
     """Kernel over a side's faces times two: what is across a closed side (low or high 0) has the velocity of that side, of
     g.air rows 1 + 2 axis and 2 + 2 axis."""
-    t, S, f = types(real), structs(real), functions(dim, real)
+    t, S, f = types(real), grid_structs(real), grid_functions(dim, real)
 
-    def sides(g: S.Grid, low: t.vec3, high: t.vec3, u_out: wp.array(dtype=real)):
+    def set_closed_sides(g: S.Grid, low: t.vec3, high: t.vec3, u_out: wp.array(dtype=real)):
         c = wp.tid()
         n = g.n[wp.static(axis)]
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
@@ -236,6 +236,6 @@ def sides(dim: int, axis: int, real, module):
             kind = high[wp.static(axis)]
         if kind == real(0.0):
             v = g.air[wp.static(1 + 2 * axis) + side]
-            u_out[flat(i, f.faces(g, wp.static(axis)))] = v[wp.static(axis)]
+            u_out[flat_cell_index(i, f.faces(g, wp.static(axis)))] = v[wp.static(axis)]
 
-    return wp.kernel(sides, name=f"sides_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(set_closed_sides, name=f"sides_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False)

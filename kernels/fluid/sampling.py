@@ -64,27 +64,27 @@ PATCH = """
 """
 
 
-def code(text: str, dim: int, real, limited: bool = False) -> str:
+def sampling_source(text: str, dim: int, real, limited: bool = False) -> str:
     kind = "float" if real is wp.float32 else "double"
     return text.replace("TYPE", kind).replace("DIM", str(dim)).replace("LIMITED", str(int(limited)))
 
 
 @cache
-def natives(dim: int, real) -> SimpleNamespace:
+def native_samplers(dim: int, real) -> SimpleNamespace:
     """Functions (q, first, one, two, f) -> value: between, patch, limited. first: lowest row; one, two: to the next row along
     the first axis and, in three dimensions, the second; f: fractions along the axes from the row in the middle, 0 .. 1."""
     t = types(real)
 
-    @wp.func_native(code(BETWEEN[dim], dim, real))
-    def between(q: wp.array(dtype=real), first: int, one: int, two: int, f: t.vec3) -> real:
+    @wp.func_native(sampling_source(BETWEEN[dim], dim, real))
+    def native_linear_sample(q: wp.array(dtype=real), first: int, one: int, two: int, f: t.vec3) -> real:
         ...
 
-    @wp.func_native(code(PATCH, dim, real))
-    def patch(q: wp.array(dtype=real), first: int, one: int, two: int, f: t.vec3) -> real:
+    @wp.func_native(sampling_source(PATCH, dim, real))
+    def native_cubic_patch(q: wp.array(dtype=real), first: int, one: int, two: int, f: t.vec3) -> real:
         ...
 
-    @wp.func_native(code(PATCH, dim, real, True))
-    def limited(q: wp.array(dtype=real), first: int, one: int, two: int, f: t.vec3) -> real:
+    @wp.func_native(sampling_source(PATCH, dim, real, True))
+    def native_limited_cubic(q: wp.array(dtype=real), first: int, one: int, two: int, f: t.vec3) -> real:
         ...
 
-    return SimpleNamespace(between=between, patch=patch, limited=limited)
+    return SimpleNamespace(between=native_linear_sample, patch=native_cubic_patch, limited=native_limited_cubic)

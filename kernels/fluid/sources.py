@@ -12,19 +12,19 @@ import warp as wp
 
 from wsim.kernels.fluid import shapes as moved
 from wsim.kernels.fluid.forces import COOLING, SMOKE_DECAY
-from wsim.kernels.fluid.grid import functions, structs
-from wsim.kernels.fluid.passes.tiles import tiles
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
+from wsim.kernels.fluid.passes.tiles import tile_function
 from wsim.kernels.math.real import types
 
 RATES, HELD, SPEED, EXPANSION = 1, 2, 4, 8                  # bits of `what`
 
 
 @cache
-def tables(real):
-    t, S = types(real), moved.structs(real)
+def source_tables(real):
+    t, S = types(real), moved.fluid_shape_structs(real)
 
     @wp.struct
-    class Sources:
+    class FluidSources:
         shapes: S.Shapes
         what: wp.array(dtype=int)              # bits, (sources,)
         smoke: wp.array(dtype=real)            # [1/s] or [1]
@@ -33,16 +33,16 @@ def tables(real):
         expansion: wp.array(dtype=real)        # [1/s]
         strength: wp.array(dtype=t.vec2)       # at the start and at the end of the frame
 
-    return Sources
+    return FluidSources
 
 
 @cache
-def reach(dim: int, kinds: tuple[str, ...], real):
+def source_reach_function(dim: int, kinds: tuple[str, ...], real):
     """Function (sources, k, x, clock) -> (part of a cell about x within source k, its strength)."""
-    t, Sources, s = types(real), tables(real), moved.functions(dim, kinds, real)
+    t, Sources, s = types(real), source_tables(real), moved.shape_queries(dim, kinds, real)
 
     @wp.func
-    def reach(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
+    def source_reach(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
         at = clock[1] + real(0.5) * clock[0]
         both = sources.strength[k]
         strength = both[0] + (both[1] - both[0]) * at / clock[3]
@@ -52,21 +52,21 @@ def reach(dim: int, kinds: tuple[str, ...], real):
             part = wp.clamp(real(0.5) - phi / sources.shapes.dx, real(0.0), real(1.0))
         return part, strength
 
-    return reach
+    return source_reach
 
 
 @cache
-def emit(dim: int, kinds: tuple[str, ...], carries: tuple[str, bool], expanding: bool, real, module):
+def emission_kernel(dim: int, kinds: tuple[str, ...], carries: tuple[str, bool], expanding: bool, real, module):
     """Kernel over cells: smoke and heat, which `carries` names, a step on, and the expansion [1/s] in it; and whether tiles
     that hold some are marked."""
-    t, S, f, Sources = types(real), structs(real), functions(dim, real), tables(real)
-    within, tile = reach(dim, kinds, real), tiles(dim, real)
+    t, S, f, Sources = types(real), grid_structs(real), grid_functions(dim, real), source_tables(real)
+    within, tile = source_reach_function(dim, kinds, real), tile_function(dim, real)
     carried, marking = carries
     smoky, hot = "smoke" in carried, "heat" in carried
 
-    def emit(g: S.Grid, sources: Sources, live: wp.array(dtype=real), clock: wp.array(dtype=real),
-             smoke_out: wp.array(dtype=real), heat_out: wp.array(dtype=real), expansion_out: wp.array(dtype=real),
-             holds_out: wp.array(dtype=int)):
+    def emit_smoke_heat(g: S.Grid, sources: Sources, live: wp.array(dtype=real), clock: wp.array(dtype=real),
+                        smoke_out: wp.array(dtype=real), heat_out: wp.array(dtype=real), expansion_out: wp.array(dtype=real),
+                        holds_out: wp.array(dtype=int)):
         c = wp.tid()
         i = f.place(c, g.n)
         x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1)
@@ -102,27 +102,27 @@ def emit(dim: int, kinds: tuple[str, ...], carries: tuple[str, bool], expanding:
             expansion_out[c] = e
 
     name = f"emit_{carried}{'_tiles' * marking}{'_expanding' * expanding}_{dim}d_{'_'.join(kinds)}_{t.name}"
-    return wp.kernel(emit, name=name, module=module, enable_backward=False)
+    return wp.kernel(emit_smoke_heat, name=name, module=module, enable_backward=False)
 
 
 @cache
-def decay(rate: int, real, module):
+def scalar_decay_kernel(rate: int, real, module):
     """Kernel over cells, where nothing is emitted: a scalar a step on; live[rate] [1/s]."""
 
-    def decay(live: wp.array(dtype=real), clock: wp.array(dtype=real), q_out: wp.array(dtype=real)):
+    def decay_scalar(live: wp.array(dtype=real), clock: wp.array(dtype=real), q_out: wp.array(dtype=real)):
         c = wp.tid()
         q_out[c] = q_out[c] * wp.exp(-live[wp.static(rate)] * clock[0])
 
-    return wp.kernel(decay, name=f"decay_{rate}_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(decay_scalar, name=f"decay_{rate}_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def drive(dim: int, axis: int, kinds: tuple[str, ...], real, module):
+def driven_faces_kernel(dim: int, axis: int, kinds: tuple[str, ...], real, module):
     """Kernel over the faces of an axis: u of those within sources that have a velocity."""
-    t, S, f, Sources = types(real), structs(real), functions(dim, real), tables(real)
-    within = reach(dim, kinds, real)
+    t, S, f, Sources = types(real), grid_structs(real), grid_functions(dim, real), source_tables(real)
+    within = source_reach_function(dim, kinds, real)
 
-    def drive(g: S.Grid, sources: Sources, clock: wp.array(dtype=real), u_out: wp.array(dtype=real)):
+    def drive_source_faces(g: S.Grid, sources: Sources, clock: wp.array(dtype=real), u_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, f.faces(g, wp.static(axis)))
         x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis))
@@ -135,5 +135,5 @@ def drive(dim: int, axis: int, kinds: tuple[str, ...], real, module):
                     u += part * (v[wp.static(axis)] - u)
         u_out[c] = u
 
-    return wp.kernel(drive, name=f"drive_{'xyz'[axis]}_{dim}d_{'_'.join(kinds)}_{t.name}", module=module,
+    return wp.kernel(drive_source_faces, name=f"drive_{'xyz'[axis]}_{dim}d_{'_'.join(kinds)}_{t.name}", module=module,
                      enable_backward=False)

@@ -7,7 +7,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import grid_structs
 from wsim.kernels.math.real import types
 
 MOST = 1 << 24         # largest number of steps that is counted
@@ -32,38 +32,38 @@ def most_of(v: float) -> float:
 
 
 @cache
-def fastest(dim: int, real, module):
+def fastest_speed_kernel(dim: int, real, module):
     """Kernel over blocks of threads: the greatest |u| of all components into most_out; the order does not matter to a
     maximum. In float32, which a step that is as long as the speed allows does not feel."""
-    S = structs(real)
+    S = grid_structs(real)
 
     @wp.func
-    def along(u: wp.array(dtype=real), first: int, threads: int):
+    def fastest_component(u: wp.array(dtype=real), first: int, threads: int):
         most = real(0.0)
         for c in range(first, u.shape[0], threads):
             most = wp.max(most, wp.abs(u[c]))
         return most
 
-    def fastest(u: S.Faces, threads: int, most_out: wp.array(dtype=real)):
+    def fastest_face_speed(u: S.Faces, threads: int, most_out: wp.array(dtype=real)):
         c = wp.tid()
-        most = wp.max(along(u.x, c, threads), along(u.y, c, threads))
+        most = wp.max(fastest_component(u.x, c, threads), fastest_component(u.y, c, threads))
         if wp.static(dim == 3):
-            most = wp.max(most, along(u.z, c, threads))
+            most = wp.max(most, fastest_component(u.z, c, threads))
         all = real(most_of(float(most)))
         if c % wp.block_dim() == 0:
             wp.atomic_max(most_out, 0, all)
 
-    return wp.kernel(fastest, name=f"fastest_{dim}d_{types(real).name}", module=module, enable_backward=False,
+    return wp.kernel(fastest_face_speed, name=f"fastest_{dim}d_{types(real).name}", module=module, enable_backward=False,
                      grid_stride=False)
 
 
 @cache
-def begin(real, module):
+def frame_clock_kernel(real, module):
     """Kernel of one thread: the clock of a frame. way: distance that a step may cross [m]; least, most: bounds of the number
     of steps. steps_out: the number of steps, and the number that the speed needs without these bounds."""
 
-    def begin(speed: wp.array(dtype=real), frame: real, way: real, least: int, most: int, clock_out: wp.array(dtype=real),
-              going_out: wp.array(dtype=int), steps_out: wp.array(dtype=int)):
+    def begin_fluid_clock(speed: wp.array(dtype=real), frame: real, way: real, least: int, most: int,
+                          clock_out: wp.array(dtype=real), going_out: wp.array(dtype=int), steps_out: wp.array(dtype=int)):
         wanted = real(wp.static(MOST))
         if speed[0] * frame < way * wanted:
             wanted = wp.ceil(speed[0] * frame / way)
@@ -76,17 +76,17 @@ def begin(real, module):
         steps_out[0] = int(n)
         steps_out[1] = int(wanted)
 
-    return wp.kernel(begin, name=f"steps_begin_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(begin_fluid_clock, name=f"steps_begin_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def next(real, module):
+def next_step_kernel(real, module):
     """Kernel of one thread: a step is done."""
 
-    def next(done: wp.array(dtype=int), clock_out: wp.array(dtype=real), going_out: wp.array(dtype=int)):
+    def advance_fluid_clock(done: wp.array(dtype=int), clock_out: wp.array(dtype=real), going_out: wp.array(dtype=int)):
         k = done[0] + 1
         done[0] = k
         clock_out[1] = clock_out[0] * real(k)
         going_out[0] = int(real(k) < clock_out[2])
 
-    return wp.kernel(next, name=f"steps_next_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(advance_fluid_clock, name=f"steps_next_{types(real).name}", module=module, enable_backward=False)

@@ -27,13 +27,13 @@ CUDA = {
 
 
 @cache
-def _read(dtype, cuda: str):
+def _streaming_read_func(dtype, cuda: str):
     """Function (array of dtype, i) -> entry i. Warp wants to see the decorator in the source to know that it returns."""
 
     @wp.func_native(SNIPPET.format(cuda=cuda))
-    def stream(a: wp.array(dtype=dtype), i: int) -> dtype: ...
+    def streaming_read(a: wp.array(dtype=dtype), i: int) -> dtype: ...
 
-    return stream
+    return streaming_read
 
 
 @wp.func_native("""
@@ -41,7 +41,7 @@ def _read(dtype, cuda: str):
     __syncthreads();
 #endif
 """)
-def meet():
+def block_barrier():
     """All threads of a block wait for each other; what each wrote to global memory is seen by all. Every thread must come."""
     ...
 
@@ -51,8 +51,8 @@ def meet():
     asm volatile("barrier.cluster.arrive.release;\\nbarrier.cluster.wait.acquire;" ::: "memory");
 #endif
 """)
-def meet_cluster():
-    """As `meet`, of all threads of a cluster of blocks (sm_90 and up)."""
+def cluster_barrier():
+    """As `block_barrier`, of all threads of a cluster of blocks (sm_90 and up)."""
     ...
 
 
@@ -73,9 +73,9 @@ def meet_cluster():
     __syncthreads();
 #endif
 """)
-def meet_grid(word: wp.array(dtype=int), turn: int):
-    """A meeting, like `meet`, of all threads of a launch whose blocks run at once. word: one number, 0 before the launch; turn:
-    of the meeting, from 1 on."""
+def grid_barrier(word: wp.array(dtype=int), turn: int):
+    """A meeting, like `block_barrier`, of all threads of a launch whose blocks run at once. word: one number, 0 before the
+    launch; turn: of the meeting, from 1 on."""
     ...
 
 
@@ -84,26 +84,26 @@ def meet_grid(word: wp.array(dtype=int), turn: int):
     __syncwarp();
 #endif
 """)
-def meet_warp():
-    """As `meet`, of the 32 threads of a warp."""
+def warp_barrier():
+    """As `block_barrier`, of the 32 threads of a warp."""
     ...
 
 
 @wp.func
-def alone():
-    """As `meet`, of one thread."""
+def no_barrier():
+    """As `block_barrier`, of one thread."""
     return
 
 
 @wp.func
-def entry(a: wp.array(dtype=Any), i: int):
+def plain_entry_read(a: wp.array(dtype=Any), i: int):
     """Entry i, by a plain read."""
     return a[i]
 
 
-def reads(points: int, rest, *, plain: bool = False):
+def table_read_functions(points: int, rest, *, plain: bool = False):
     """Two functions: the points of constraint i (a vector of ints), and its rest value of type `rest`."""
-    ids = _read(wp.types.vector(points, int), CUDA[points]) if points in CUDA else entry
-    value = _read(rest, CUDA["scalar"]) if rest in (wp.float32, wp.float64) else entry
-    return (entry, entry) if plain else (ids, value)
+    ids = _streaming_read_func(wp.types.vector(points, int), CUDA[points]) if points in CUDA else plain_entry_read
+    value = _streaming_read_func(rest, CUDA["scalar"]) if rest in (wp.float32, wp.float64) else plain_entry_read
+    return (plain_entry_read, plain_entry_read) if plain else (ids, value)
 

@@ -40,6 +40,7 @@ import warp as wp
     return (float)(sum - l * l);
 #endif
 """)
-def gain(xi: wp.vec3f, xj: wp.vec3f, di: wp.vec3f, dj: wp.vec3f, rest: wp.float32, left: wp.float32) -> wp.float32:
+def squared_length_gain(xi: wp.vec3f, xj: wp.vec3f, di: wp.vec3f, dj: wp.vec3f, rest: wp.float32,
+                        left: wp.float32) -> wp.float32:
     """|r|^2 - l^2 [m^2]."""
     ...

@@ -8,26 +8,26 @@ SWEEPS = wp.constant(8)         # of Jacobi; 4 do for nearly all matrices, the l
 
 
 @wp.func
-def rounding(s: wp.float32):
+def machine_epsilon(s: wp.float32):
     """Spacing of the numbers at 1."""
     return wp.float32(1.1920929e-07)
 
 
 @wp.func
-def rounding(s: wp.float64):  # noqa: F811 - an overload
+def machine_epsilon(s: wp.float64):  # noqa: F811 - an overload
     """Spacing of the numbers at 1."""
     return wp.float64(2.220446049250313e-16)
 
 
 @wp.func
-def identity(A: Any):
+def identity_like(A: Any):
     """1 of the type of the 3 x 3 matrix A."""
     one = type(A[0, 0])(1.0)
     return wp.diag(wp.vector(one, one, one))
 
 
 @wp.func
-def jacobi(a: Any, b: Any, c: Any):
+def jacobi_rotation(a: Any, b: Any, c: Any):
     """cos and sin of the turn that makes [[a, c], [c, b]] diagonal, |angle| <= pi/4 (Golub, Van Loan 2013, section 8.5.2)."""
     one = type(a)(1.0)
     t = one - one
@@ -55,7 +55,7 @@ def lone_eigenvector(B: Any):
         x -= (x * x * x - type(one)(3.0) * x - (s + s)) / (type(one)(3.0) * (x * x - one))
     if r < one - one:
         x = -x
-    C = B - x * identity(B)
+    C = B - x * identity_like(B)
     v0 = wp.cross(C[0], C[1])
     v1 = wp.cross(C[1], C[2])
     v2 = wp.cross(C[2], C[0])
@@ -67,7 +67,7 @@ def lone_eigenvector(B: Any):
 
 
 @wp.func
-def eigen(A: Any):
+def eigen_three(A: Any):
     """(d, V): A = V diag(d) V^T of a symmetric 3 x 3 matrix, in no order, columns of V orthonormal.
 
     The lone eigenvector in closed form, the other two by one Jacobi turn in the plane across it (after Eberly 2014). Right to
@@ -76,14 +76,14 @@ def eigen(A: Any):
     """
     zero = type(A[0, 0])(0.0)
     one = type(A[0, 0])(1.0)
-    V = identity(A)
+    V = identity_like(A)
     d = wp.get_diag(A)
     size = wp.max(wp.max(wp.max(wp.abs(A[0])), wp.max(wp.abs(A[1]))), wp.max(wp.abs(A[2])))
     if size > type(one)(1.0e-30):
         B = (one / size) * A
         B = B - (wp.trace(B) / type(one)(3.0)) * V
         p = wp.ddot(B, B) / type(one)(6.0)
-        if p > type(one)(0.01) * rounding(one) * rounding(one):
+        if p > type(one)(0.01) * machine_epsilon(one) * machine_epsilon(one):
             B = (one / wp.sqrt(p)) * B
             v = lone_eigenvector(B)
             e = type(v)(one, zero, zero)
@@ -92,7 +92,7 @@ def eigen(A: Any):
             u = wp.normalize(wp.cross(v, e))
             w = wp.cross(v, u)
             Bw = B * w
-            c, s = jacobi(wp.dot(u, B * u), wp.dot(w, Bw), wp.dot(u, Bw))
+            c, s = jacobi_rotation(wp.dot(u, B * u), wp.dot(w, Bw), wp.dot(u, Bw))
             V = wp.matrix_from_cols(v, c * u - s * w, s * u + c * w)
             W = wp.transpose(V)
             d = wp.vector(wp.dot(W[0], A * W[0]), wp.dot(W[1], A * W[1]), wp.dot(W[2], A * W[2]))
@@ -114,8 +114,8 @@ def eigen_four(A: Any):
         left = int(0)
         for i in range(n - 1):
             for j in range(i + 1, n):
-                if wp.abs(D[i, j]) > type(one)(0.25) * rounding(one) * wp.max(wp.abs(D[i, i]), wp.abs(D[j, j])):
-                    c, s = jacobi(D[i, i], D[j, j], D[i, j])
+                if wp.abs(D[i, j]) > type(one)(0.25) * machine_epsilon(one) * wp.max(wp.abs(D[i, i]), wp.abs(D[j, j])):
+                    c, s = jacobi_rotation(D[i, i], D[j, j], D[i, j])
                     J = one * unit
                     J[i, i] = c
                     J[j, j] = c

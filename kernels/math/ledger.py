@@ -21,7 +21,7 @@ SPEEDS = wp.constant(wp.float64(4.0))
 
 
 @wp.struct
-class Ledger:
+class EnergyLedger:
     """Of each world, (worlds,)."""
     gift: wp.array(dtype=wp.float64)           # of a frame that is left open: what moves can give [J]; < 0: it is not
     floor: wp.array(dtype=wp.float64)          # [J]
@@ -44,7 +44,7 @@ def sum_lanes(v: wp.vec4d, lanes: int) -> wp.vec4d:
 
 
 @wp.kernel(module="wsim_ledger", enable_backward=False)
-def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, lanes: int, part: wp.float64, ledger: Ledger,
+def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, lanes: int, part: wp.float64, ledger: EnergyLedger,
                 word: wp.array(dtype=int)):
     """So many lanes a world, 1 or a warp of a GPU. rows: those of its threads, term by term, (terms, worlds, threads). word: 1
     where energy rose too much, 2 where speeds did."""

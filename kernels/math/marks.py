@@ -1,7 +1,7 @@
 """Marks of kernels and functions: properties that other code relies on.
 
     own      there is one thread a point, and of the arrays that change it reads and writes only the entries of its own point.
-             Several such kernels may follow each other without a barrier (wsim/physics/fused/program.py)
+             Several such kernels may follow each other without a barrier (wsim/physics/motion/fused/persistent_kernel.py)
     whole    a launch writes every entry of its outputs that is read later. On a tape (wsim/model/tape.py) the outputs need not
              start as copies of their old values
     called   a function that stands by itself on a GPU, too (wsim/model/compiler/variants.py): a long one with few bytes given.
@@ -17,19 +17,19 @@ import warp as wp
 scratch = wp.zeros
 
 
-def own(kernel):
+def owns_points(kernel):
     """Marks a kernel: a thread touches only the entries of its own point."""
     kernel.own = 1
     return kernel
 
 
-def whole(kernel):
+def writes_all(kernel):
     """Marks a kernel: a launch writes all of its outputs."""
     kernel.whole = True
     return kernel
 
 
-def called(function):
+def standalone_function(function):
     """Marks a function of Warp: it stands by itself, on every device."""
     function.inline_hint = "called"
     return function

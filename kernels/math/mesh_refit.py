@@ -17,7 +17,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.project import SUNK
-from wsim.kernels.math.block import meet
+from wsim.kernels.math.block import block_barrier
 
 MODULE, BLOCK_MODULE = "wsim_mesh_refit", "wsim_mesh_refit_block"
 FITS = 8                                 # times that boxes are fitted in a frame, at most: with more, they are smaller
@@ -122,7 +122,8 @@ class FittedTree:
     high: wp.array(dtype=wp.vec3f)
     deep: wp.array(dtype=int)                 # not 0: winding numbers are asked for, (1,)
     mark: wp.array(dtype=int)                 # of points: SUNK asks for them
-    wound: wp.array(dtype=int)                # whether something asks, between `bound` and `fit`; 0 elsewhere, (1,)
+    # whether something asks, between `triangle_bound_kernel` and `tree_fit_kernel`; 0 elsewhere, (1,)
+    wound: wp.array(dtype=int)
     first: int                                # substep that the loop begins with
     span: int                                 # substeps that boxes hold for
 
@@ -168,7 +169,7 @@ def pose_point(tree: FittedTree, i: int, k: int, point_out: wp.array(dtype=wp.ve
 
 
 @cache
-def pose():
+def pose_point_kernel():
     """Kernel over points: `pose_point` in substep now[0]."""
     @wp.kernel(module=MODULE, enable_backward=False)
     def pose_boxes(tree: FittedTree, now: wp.array(dtype=int), point_out: wp.array(dtype=wp.vec3f),
@@ -179,8 +180,9 @@ def pose():
 
 
 @cache
-def bound():
-    """Kernel: boxes of the triangles of a mesh, behind `pose`; nothing has arrived at nodes of its tree. wound: 0 before."""
+def triangle_bound_kernel():
+    """Kernel: boxes of the triangles of a mesh, behind `pose_point_kernel`; nothing has arrived at nodes of its tree. wound: 0
+    before."""
     @wp.kernel(module=MODULE, enable_backward=False)
     def bound_mesh(tree: FittedTree, threads: int, now: wp.array(dtype=int)):
         bound_triangles(tree, wp.tid(), threads, is_fitted(tree, now[0]))
@@ -189,8 +191,9 @@ def bound():
 
 
 @cache
-def fit():
-    """Kernel: boxes of the nodes of the tree, behind `bound`, and solid angles where `wound` is not 0, which becomes 0."""
+def tree_fit_kernel():
+    """Kernel: boxes of the nodes of the tree, behind `triangle_bound_kernel`, and solid angles where `wound` is not 0, which
+    becomes 0."""
     @wp.kernel(module=MODULE, enable_backward=False)
     def fit_mesh(tree: FittedTree, threads: int, now: wp.array(dtype=int)):
         fit_nodes(tree, wp.tid(), threads, is_fitted(tree, now[0]))
@@ -200,14 +203,15 @@ def fit():
 
 @cache
 def fit_block():
-    """Kernel of one block: `pose`, `bound` and `fit` of a tree of up to SMALL triangles."""
+    """Kernel of one block: `pose_point_kernel`, `triangle_bound_kernel` and `tree_fit_kernel` of a tree of up to SMALL
+    triangles."""
     @wp.kernel(module=BLOCK_MODULE, enable_backward=False, launch_bounds=BLOCK)
     def fit_small_mesh(tree: FittedTree, now: wp.array(dtype=int), point_out: wp.array(dtype=wp.vec3f),
                        step_out: wp.array(dtype=wp.vec3f)):
         k = now[0]
         for i in range(wp.tid(), tree.track.shape[1], wp.block_dim()):
             pose_point(tree, i, k, point_out, step_out)
-        meet()
+        block_barrier()
         fit_by_block(tree, wp.tid(), wp.block_dim(), is_fitted(tree, k))
 
     return fit_small_mesh

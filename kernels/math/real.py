@@ -22,13 +22,13 @@ def types(real) -> SimpleNamespace:
     return SimpleNamespace(scalar=real, name="f32" if real is wp.float32 else "f64", **members)
 
 
-def differentiable(module) -> bool:
+def has_adjoint(module) -> bool:
     """Whether a module has the adjoints of its kernels, which double the time to compile it: its name says so."""
     return str(module).endswith(ADJOINT)
 
 
 @wp.func
-def present(k: int, now: wp.array(dtype=int)):
+def substep_number(k: int, now: wp.array(dtype=int)):
     """Number of a substep: k, and what the device has counted, `now`, which is empty (None) where the host counts."""
     number = int(k)
     if now:

@@ -23,25 +23,25 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.eigen import eigen_four, identity, rounding
+from wsim.kernels.math.eigen import eigen_four, identity_like, machine_epsilon
 
 ITERATIONS = wp.constant(6)     # of Newton before Jacobi: cubic, so that what needs more does not converge
 
 
 @wp.func
-def multiply(p: Any, q: Any):
+def multiply_rotations(p: Any, q: Any):
     """Quaternion of the rotation q, then p (Hamilton)."""
     return p * q
 
 
 @wp.func
-def conjugate(q: Any):
+def conjugate_rotation(q: Any):
     """Quaternion of the rotation back."""
     return type(q)(-q[0], -q[1], -q[2], q[3])
 
 
 @wp.func
-def normalized(q: Any):
+def unit_quaternion(q: Any):
     """q / |q|; no rotation, (0, 0, 0, 1), where q is 0."""
     zero = type(q[0])(0.0)
     size = wp.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -52,7 +52,7 @@ def normalized(q: Any):
 
 
 @wp.func
-def rotate(q: Any, v: Any):
+def rotate_vector(q: Any, v: Any):
     """q v q* = v + w t + u x t, t = 2 u x v with q = (u, w): a small turn keeps its digits."""
     u = type(v)(q[0], q[1], q[2])
     t = type(q[0])(2.0) * wp.cross(u, v)
@@ -60,14 +60,14 @@ def rotate(q: Any, v: Any):
 
 
 @wp.func
-def matrix(q: Any):
+def rotation_to_matrix(q: Any):
     """R of a unit quaternion."""
-    D = turned(q)
-    return identity(D) + D
+    D = matrix_minus_identity(q)
+    return identity_like(D) + D
 
 
 @wp.func
-def quaternion(R: Any):
+def matrix_to_quaternion(R: Any):
     """Components (x, y, z, w), as a vector, with w >= 0 of a rotation, from the largest of the four squares (Shepperd 1978)."""
     one = type(R[0, 0])(1.0)
     s = wp.vector(one + R[0, 0] - R[1, 1] - R[2, 2], one - R[0, 0] + R[1, 1] - R[2, 2],
@@ -92,7 +92,7 @@ def quaternion(R: Any):
 
 
 @wp.func
-def about_axis(axis: Any, angle: Any):
+def rotation_about_axis(axis: Any, angle: Any):
     """I + sin K + (1 - cos) K K, rotation by an angle [rad] about a unit axis (Rodrigues), K K without the products by zero."""
     one = type(angle)(1.0)
     s = wp.sin(angle)
@@ -109,7 +109,7 @@ def about_axis(axis: Any, angle: Any):
 
 
 @wp.func
-def exponential(u: Any):
+def rotation_exponential(u: Any):
     """Components (x, y, z, w), as a vector, of the quaternion of a rotation vector [rad]; by a series below 0.01 rad."""
     one = type(u[0])(1.0)
     aa = wp.dot(u, u)
@@ -121,7 +121,7 @@ def exponential(u: Any):
 
 
 @wp.func
-def logarithm(q: Any):
+def rotation_logarithm(q: Any):
     """Rotation vector [rad] of a unit quaternion, the short way: |u| <= pi. Half a turn goes about q's own axis."""
     zero = type(q[0])(0.0)
     v = wp.vector(q[0], q[1], q[2])
@@ -141,21 +141,21 @@ def logarithm(q: Any):
 @wp.func
 def slerp(p: Any, q: Any, s: Any):
     """Rotation a part s of the short way from p to q, at constant speed about a fixed axis."""
-    e = exponential(s * logarithm(multiply(conjugate(p), q)))
-    return multiply(p, type(p)(e[0], e[1], e[2], e[3]))
+    e = rotation_exponential(s * rotation_logarithm(multiply_rotations(conjugate_rotation(p), q)))
+    return multiply_rotations(p, type(p)(e[0], e[1], e[2], e[3]))
 
 
 @wp.func
-def angular_velocity(p: Any, q: Any, h: Any):
+def mean_angular_velocity(p: Any, q: Any, h: Any):
     """Angular velocity [rad/s], in world axes, that turns p into q in h [s], the short way."""
-    return logarithm(multiply(q, conjugate(p))) / h
+    return rotation_logarithm(multiply_rotations(q, conjugate_rotation(p))) / h
 
 
 @wp.func
-def integrated(q: Any, omega: Any, h: Any):
+def integrate_orientation(q: Any, omega: Any, h: Any):
     """Orientation q after h [s] at the angular velocity omega [rad/s] in world axes."""
-    e = exponential(h * omega)
-    return normalized(multiply(type(q)(e[0], e[1], e[2], e[3]), q))
+    e = rotation_exponential(h * omega)
+    return unit_quaternion(multiply_rotations(type(q)(e[0], e[1], e[2], e[3]), q))
 
 
 @wp.func
@@ -165,7 +165,7 @@ def twice_axis(B: Any):
 
 
 @wp.func
-def turned(q: Any):
+def matrix_minus_identity(q: Any):
     """R - 1 of a unit quaternion: 2 w [v]x + 2 [v]x^2, so that a small turn keeps its digits."""
     two = type(q[0])(2.0)
     x = two * q[0]
@@ -185,7 +185,7 @@ def turned(q: Any):
 
 
 @wp.func
-def horn(F: Any):
+def horn_matrix(F: Any):
     """K with tr(R^T F) = q^T K q for the rotation R of q = (x, y, z, w)."""
     xy = F[0, 1] + F[1, 0]
     xz = F[0, 2] + F[2, 0]
@@ -203,7 +203,7 @@ def rotation_anew(F: Any, q: Any):
 
     K has the eigenvalues s1 + s2 + s3, s1 - s2 - s3, s2 - s1 - s3, s3 - s1 - s2: the largest stands alone while s2 + s3 > 0.
     """
-    D, V = eigen_four(horn(F))
+    D, V = eigen_four(horn_matrix(F))
     one = type(q[0])(1.0)
     most = wp.max(wp.max(D[0, 0], D[1, 1]), wp.max(D[2, 2], D[3, 3]))
     near = type(q)(one - one, one - one, one - one, one - one)
@@ -212,7 +212,7 @@ def rotation_anew(F: Any, q: Any):
         v = type(q)(V[0, k], V[1, k], V[2, k], V[3, k])
         if D[k, k] == most:
             best = v
-        if D[k, k] >= most - type(one)(16.0) * rounding(one) * most:
+        if D[k, k] >= most - type(one)(16.0) * machine_epsilon(one) * most:
             near += wp.dot(q, v) * v
     r = best
     if wp.dot(near, near) > type(one)(1.0e-6):
@@ -224,7 +224,7 @@ def rotation_anew(F: Any, q: Any):
 def turn_step(H: Any, q: Any, scale: Any):
     """(w, least): Newton's step [rad] at q, and the least pivot of G over its trace; < 0: no maximum near."""
     one = type(scale)(1.0)
-    D = turned(q)
+    D = matrix_minus_identity(q)
     X = scale * (H - D)                                    # B = R^T F = scale + R^T scale (H - D), D = R - 1
     X = X + wp.transpose(D) * X
     b = twice_axis(X)
@@ -255,7 +255,7 @@ def turn_step(H: Any, q: Any, scale: Any):
 
 
 @wp.func
-def rotation(H: Any, warm: Any):
+def polar_rotation(H: Any, warm: Any):
     """Quaternion (x, y, z, w) of the rotation of F = 1 + H, from that of a nearby F, `warm`; 0 stands for none.
 
     Always a proper rotation, for every finite H; of F = 0 it is `warm`. Right to 5 units of rounding times s1 / (s2 + s3), the
@@ -281,11 +281,11 @@ def rotation(H: Any, warm: Any):
         half = type(one)(0.5) * w
         q = wp.normalize(q * type(warm)(half[0], half[1], half[2], one))      # an angle of 2 atan(|w| / 2)
         ww = wp.dot(w, w)
-        if ww * wp.sqrt(ww) <= rounding(one) * least:                         # the next step: below |w|^3 / least
+        if ww * wp.sqrt(ww) <= machine_epsilon(one) * least:                  # the next step: below |w|^3 / least
             done = True
             break
     if not done:
-        F = scale * H + scale * identity(H)
+        F = scale * H + scale * identity_like(H)
         q = first
         if wp.ddot(F, F) > zero:
             q = rotation_anew(F, first)

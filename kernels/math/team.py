@@ -12,7 +12,7 @@ import warp as wp
 WARPS = 8              # of a block, at most
 
 
-def _exchanges(count: int) -> str:
+def _warp_sum_snippet(count: int) -> str:
     """CUDA: the sums of a warp of values 0 .. count - 1 of `x` into room[warp]; 32 at a time."""
     text = ""
     for begin in range(0, count, 32):
@@ -39,7 +39,7 @@ def _exchanges(count: int) -> str:
 
 
 @cache
-def team_sum(count: int):
+def team_sum_func(count: int):
     """Function (x, warps, team): the sum of vectors of so many float64 over the threads of a team. warps: of each team; team:
     its number in the block."""
     vector = wp.types.vector(count, wp.float64)
@@ -51,7 +51,7 @@ def team_sum(count: int):
         if (warps == 1) __syncwarp();
         else asm volatile("barrier.sync %0, %1;" :: "r"(1 + team), "r"(32 * warps) : "memory");
     }};
-    {_exchanges(count)}
+    {_warp_sum_snippet(count)}
     meet();
     for (int i = lane; i < {count}; i += 32) {{
         double a = room[first][i];
@@ -66,9 +66,9 @@ def team_sum(count: int):
 """
 
     @wp.func_native(snippet)
-    def team_sum(x: vector, warps: int, team: int) -> vector: ...
+    def sum_over_team(x: vector, warps: int, team: int) -> vector: ...
 
-    return team_sum
+    return sum_over_team
 
 
 @wp.func_native("""
@@ -77,7 +77,7 @@ def team_sum(count: int):
     else asm volatile("barrier.sync %0, %1;" :: "r"(1 + team), "r"(32 * warps) : "memory");
 #endif
 """)
-def meet_team(warps: int, team: int):
+def team_barrier(warps: int, team: int):
     """All threads of a team wait for each other; what each wrote is seen by all."""
     ...
 
@@ -116,13 +116,13 @@ def any_of(flag: int) -> int:
     return wp::vec_t<2, int>(0, count);
 #endif
 """)
-def counted(count: int) -> wp.vec2i:
+def block_prefix_count(count: int) -> wp.vec2i:
     """How many the threads of a block before this one have, and all of them (an exclusive prefix sum); they meet."""
     ...
 
 
 @wp.func
-def teams(threads: int, wanted: int):
+def split_into_teams(threads: int, wanted: int):
     """(warps of a team, teams) for so many tasks of a block of `threads`."""
     warps = threads // 32
     if warps < 1:

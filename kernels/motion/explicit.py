@@ -1,10 +1,10 @@
 """Explicit integration of points under springs and element forces, gathered: one launch a substep, no atomics.
 
-    v' = v + kick (f/m + g - k v~),    d' = d + drift v'            kicks and drifts (`leap`; see wsim/scene/integrator.py)
-    Runge-Kutta's stages: kernels/motion/runge_kutta.py
+    v' = v + kick (f/m + g - k v~),    d' = d + drift v'            kicks and drifts (`leapfrog_kernel`; see
+    wsim/scene/integrator.py) Runge-Kutta's stages: kernels/motion/runge_kutta.py
 
     x   position at the start of the frame [m], which stays; d displacement since then [m]: the position is x + d
-    v~  velocity that damping sees: v itself, or leapfrog's prediction v + h a_before / 2 (see `Step.ahead`)
+    v~  velocity that damping sees: v itself, or leapfrog's prediction v + h a_before / 2 (see `ExplicitStep.ahead`)
 
 Neighbours read what the launch before has written: `d` holds four rows of n points, displacements and velocities v~, each
 twice, and a launch goes from one copy to the other. Sums of v and d keep their rounding remainder (Kahan 1965) in `carry`:
@@ -15,20 +15,20 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.spring import acceleration, net
-from wsim.kernels.math.marks import own, whole
-from wsim.kernels.math.real import differentiable, types
-from wsim.kernels.motion.points import states
+from wsim.kernels.cloth.spring import acceleration_function, spring_nets
+from wsim.kernels.math.marks import owns_points, writes_all
+from wsim.kernels.math.real import has_adjoint, types
+from wsim.kernels.motion.points import point_states
 
 ALIKE = 0.25           # of what others change in a substep, by which two in a row may differ and still be one lasting force
 
 
 @cache
-def steps(real):
+def explicit_steps(real):
     """Struct of one launch: coefficients [s], and which copies of d are read and written (0 or 1)."""
 
     @wp.struct
-    class Step:
+    class ExplicitStep:
         kick: real
         later: real          # kick of the substeps after the first, where a launch takes several
         drift: real
@@ -40,35 +40,35 @@ def steps(real):
         count: int           # substeps of a launch that takes several
         close: real          # kick after them, without a drift
 
-    return Step
+    return ExplicitStep
 
 
 @cache
-def phases(real):
+def phase_spaces(real):
     """Struct of positions and velocities, as a launch reads them."""
     vec3 = types(real).vec3
 
     @wp.struct
-    class Phase:
+    class PhaseSpace:
         x: wp.array(dtype=vec3)      # (n,)
         d: wp.array(dtype=vec3)      # two copies of d, two of v~, (4 n,)
         v: wp.array(dtype=vec3)      # (n,)
         carry: wp.array(dtype=vec3)  # remainders of v and of d, (2 n,)
         own: wp.array(dtype=vec3)    # of stages: displacement where the substep began, h sum b v, h sum b a so far, (3 n,)
 
-    return Phase
+    return PhaseSpace
 
 
 @cache
-def leaper(real, flags: tuple, field=None):
+def kick_drift_function(real, flags: tuple, field=None):
     """Function: kick and drift of the point of a thread."""
     t, lanes = types(real), dict(flags).get("lanes", 1)
-    vec3, Net, Phase, Step = t.vec3, net(real), phases(real), steps(real)
-    force = acceleration(real, **dict(flags), field=field)
+    vec3, Net, Phase, Step = t.vec3, spring_nets(real), phase_spaces(real), explicit_steps(real)
+    force = acceleration_function(real, **dict(flags), field=field)
 
     @wp.func
-    def leap(thread: int, net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
-             d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+    def kick_and_drift(thread: int, net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
+                       d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
         i = thread // lanes
         lane = thread % lanes
         n = at.x.shape[0]
@@ -102,34 +102,34 @@ def leaper(real, flags: tuple, field=None):
                 v1 = v0
             v_out[i] = v1
 
-    return leap
+    return kick_and_drift
 
 
 @cache
-def leap(real, module, flags: tuple, field=None):
+def leapfrog_kernel(real, module, flags: tuple, field=None):
     """Kernel over the lanes of the points: a kick, then a drift; from copy `source` of d to the other. flags: items of what
-    `acceleration` takes."""
-    vec3, one = types(real).vec3, leaper(real, flags, field)
-    Net, Phase, Step = net(real), phases(real), steps(real)
+    `acceleration_function` takes."""
+    vec3, one = types(real).vec3, kick_drift_function(real, flags, field)
+    Net, Phase, Step = spring_nets(real), phase_spaces(real), explicit_steps(real)
 
-    @whole
+    @writes_all
     @wp.kernel(module=module, enable_backward=False)
-    def leap(net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
-             d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+    def leapfrog_step(net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
+                      d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
         one(wp.tid(), net, f, at, step, d_out, v_out, carry_out)
 
-    return leap
+    return leapfrog_step
 
 
 @cache
-def begin(real, module):
+def explicit_begin_kernel(real, module):
     """Kernel: copy `source` of d is e and v, and the sums start; r is the remainder of v."""
     vec3 = types(real).vec3
 
-    @whole
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def begin(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), r: wp.array(dtype=vec3), source: int,
-              d_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3), own_out: wp.array(dtype=vec3)):
+    @writes_all
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def begin_explicit_frame(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), r: wp.array(dtype=vec3), source: int,
+                             d_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3), own_out: wp.array(dtype=vec3)):
         i = wp.tid()
         n = e.shape[0]
         d_out[source * n + i] = e[i]
@@ -141,18 +141,18 @@ def begin(real, module):
             own_out[n + i] = vec3()
             own_out[2 * n + i] = vec3()
 
-    return begin
+    return begin_explicit_frame
 
 
 @cache
-def commit(real, module):
+def position_commit_kernel(real, module):
     """Kernel: the position becomes x + d of copy `source`, with its remainder."""
     vec3 = types(real).vec3
 
-    @whole
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def commit(d: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), x: wp.array(dtype=vec3), source: int,
-               x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
+    @writes_all
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def commit_positions(d: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), x: wp.array(dtype=vec3), source: int,
+                         x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
         i = wp.tid()
         n = x.shape[0]
         x0 = x[i]
@@ -162,24 +162,24 @@ def commit(real, module):
         e_out[i] = (step - (x1 - x0)) + carry[n + i]
         r_out[i] = carry[i]
 
-    return commit
+    return commit_positions
 
 
 @cache
-def correct(real, module):
+def velocity_correction_kernel(real, module):
     """Kernel: what wind, contacts and hard constraints did to the displacement d since it was predicted is a change of
     velocity, too, but for what the anchor a has moved (a way out of an overlap is no motion):
 
         v' = v + ((d - a) - (d~ - e)) / h,  x' = x + d;   copy `source` of the pair holds d~ and then the remainder
     """
-    vec3, PointState, Step = types(real).vec3, states(real), steps(real)
+    vec3, PointState, Step = types(real).vec3, point_states(real), explicit_steps(real)
 
-    @own
-    @whole
+    @owns_points
+    @writes_all
     @wp.kernel(module=module, enable_backward=False)
-    def correct(at: PointState, pair: wp.array(dtype=vec3), step: Step,
-                x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
-                pair_out: wp.array(dtype=vec3), change_out: wp.array(dtype=vec3)):
+    def correct_velocity(at: PointState, pair: wp.array(dtype=vec3), step: Step,
+                         x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
+                         pair_out: wp.array(dtype=vec3), change_out: wp.array(dtype=vec3)):
         i = wp.tid()
         n = at.x.shape[0]
         own = step.source * n + i
@@ -196,20 +196,20 @@ def correct(real, module):
         pair_out[rate] = pair[rate] + change
         change_out[i] = change
 
-    return correct
+    return correct_velocity
 
 
 @cache
-def settle(real, module):
+def resting_kick_kernel(real, module):
     """Kernel: leapfrog's last half kick knows no contact forces and would push what rests into what it rests on. Others
     changed the velocity by c in the last substep; of the kick v - before, what they would take back, along -c, is left out,
     up to `share` of |c| (1/2, as the kick is half a one): an impact is not repeated. What goes on is no impact: where the
     substep before was changed alike (`earlier`), to a part ALIKE of c, all of the share belongs to the kick (order 2)."""
     vec3, alike = types(real).vec3, real(ALIKE)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def settle(before: wp.array(dtype=vec3), change: wp.array(dtype=vec3), earlier: wp.array(dtype=vec3),
-               v: wp.array(dtype=vec3), share: real, v_out: wp.array(dtype=vec3)):
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def settle_resting_kick(before: wp.array(dtype=vec3), change: wp.array(dtype=vec3), earlier: wp.array(dtype=vec3),
+                            v: wp.array(dtype=vec3), share: real, v_out: wp.array(dtype=vec3)):
         i = wp.tid()
         size = wp.length(change[i])
         if size > real(0.0):
@@ -220,4 +220,4 @@ def settle(real, module):
                 part = share * size
             v_out[i] = v[i] + part * c
 
-    return settle
+    return settle_resting_kick

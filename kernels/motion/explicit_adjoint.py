@@ -15,45 +15,47 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
-from wsim.kernels.cloth.spring import net, together
-from wsim.kernels.math.compensated import gain
+from wsim.kernels.cloth.constraint import inverse_or_zero
+from wsim.kernels.cloth.spring import lane_sum_function, spring_nets
+from wsim.kernels.math.compensated import squared_length_gain
 from wsim.kernels.math.real import types
-from wsim.kernels.motion.explicit import steps
+from wsim.kernels.motion.explicit import explicit_steps
 
 
 @cache
-def grads(real):
+def point_gradients(real):
     """Struct of gradients over points: p by the forces, read; the others are added to."""
     t = types(real)
 
     @wp.struct
-    class Grads:
+    class PointGradients:
         p: wp.array(dtype=t.vec3)            # [1/N], (points,)
         x: wp.array(dtype=t.vec3)            # by positions at the start of the frame
         pair: wp.array(dtype=t.vec3)         # by displacements and velocities v~, four rows
         corner: wp.array(dtype=t.vec3)       # by the forces of corners
 
-    return Grads
+    return PointGradients
 
 
 @cache
 def spring_adjoint(real, flags: tuple, parameters: bool):
     """Function of entry c, of point i: gradients by r and by u, and its force; adds those by its k, L and c."""
-    t, Net, Grads, kinds = types(real), net(real), grads(real), dict(flags)
+    t, Net, Grads, kinds = types(real), spring_nets(real), point_gradients(real), dict(flags)
     vec3, damped = t.vec3, kinds["damped"]
 
     @wp.func
-    def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, i: int, source: int, by: Net, g: Grads):
+    def spring_pair_adjoint(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, i: int, source: int, by: Net,
+                            g: Grads):
         n = x.shape[0]
         j = net.other[c]
         k = net.k[c]
         rest = net.rest[c]
         r = (x[j] - x[i]) + (d[source * n + j] - d[source * n + i])
         L = wp.length(r)
-        over = inverse(L)
+        over = inverse_or_zero(L)
         if wp.static(kinds["exact"]):
-            strain = over * inverse(L + rest) * gain(x[i], x[j], d[source * n + i], d[source * n + j], rest, net.left[c])
+            strain = over * inverse_or_zero(L + rest) * squared_length_gain(x[i], x[j], d[source * n + i], d[source * n + j],
+                                                                            rest, net.left[c])
         else:
             strain = real(1.0) - rest * over             # over what it is now
         pi = g.p[i]
@@ -77,7 +79,7 @@ def spring_adjoint(real, flags: tuple, parameters: bool):
             by.rest[c] = by.rest[c] - own * k * over
         return by_r + s * e, by_u, s * r
 
-    return spring
+    return spring_pair_adjoint
 
 
 @cache
@@ -85,12 +87,12 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
     """Kernel over the lanes of points: gradients by what `gather` reads, from those by its forces. flags: items of what
     `gather` takes. parameters: by those of the springs, and by x, too; masses: by inverse masses of a = w f, where p is w times
     that by a."""
-    t, Net, Grads, kinds = types(real), net(real), grads(real), dict(flags)
+    t, Net, Grads, kinds = types(real), spring_nets(real), point_gradients(real), dict(flags)
     vec3, width, damped, lanes = t.vec3, kinds["width"], kinds["damped"], kinds["lanes"]
-    total, spring = together(vec3, lanes), spring_adjoint(real, flags, parameters)
+    total, spring = lane_sum_function(vec3, lanes), spring_adjoint(real, flags, parameters)
 
-    def back(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, by: Net,
-             g: Grads):
+    def spring_force_adjoint(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int,
+                             by: Net, g: Grads):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
         n = x.shape[0]
@@ -133,11 +135,11 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
                 by.w[i] = by.w[i] + wp.dot(g.p[i], force) / net.w[i]
 
     name = "_".join(["force_adjoint", *["parameters"] * parameters, *["masses"] * masses])      # two of one name would be one
-    return wp.kernel(back, name=name, module=module, enable_backward=False)
+    return wp.kernel(spring_force_adjoint, name=name, module=module, enable_backward=False)
 
 
 @cache
-def outs(real):
+def leap_gradients(real):
     """Struct of gradients by what a leap has written, read."""
     t = types(real)
 
@@ -154,11 +156,12 @@ def leap_adjoint(real, module, corners: bool, lanes: int):
     """Kernel over the lanes of points: gradients by what a leap reads but for the forces, and p, the gradient by these.
     Remainders have none: what they carry is rounding. corners: what forces at corners say of masses too. Arguments: net, those
     forces, d, step, gradients by what was written, into: by v, pair, x, net."""
-    t, Net, Step, Grads, Outs = types(real), net(real), steps(real), grads(real), outs(real)
-    vec3, total = t.vec3, together(t.vec3, lanes)
+    t, Net, Step, Grads, Outs = (types(real), spring_nets(real), explicit_steps(real), point_gradients(real),
+                                 leap_gradients(real))
+    vec3, total = t.vec3, lane_sum_function(t.vec3, lanes)
 
-    def back(net: Net, f: wp.array(dtype=vec3), d: wp.array(dtype=vec3), step: Step, out: Outs, v_grad: wp.array(dtype=vec3),
-             by: Net, g: Grads):
+    def leapfrog_adjoint(net: Net, f: wp.array(dtype=vec3), d: wp.array(dtype=vec3), step: Step, out: Outs,
+                         v_grad: wp.array(dtype=vec3), by: Net, g: Grads):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
         n = v_grad.shape[0]
@@ -202,4 +205,4 @@ def leap_adjoint(real, module, corners: bool, lanes: int):
             g.pair[at] = g.pair[at] - v1
         g.p[i] = p
 
-    return wp.kernel(back, name="leap_adjoint" + "_corners" * corners, module=module, enable_backward=False)
+    return wp.kernel(leapfrog_adjoint, name="leap_adjoint" + "_corners" * corners, module=module, enable_backward=False)

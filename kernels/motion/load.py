@@ -21,11 +21,11 @@ LANES = 32             # threads a load
 
 
 @cache
-def entries(real):
+def load_entries(real):
     """Struct of what bears which load: reads only. The entries of point k are first[k] .. first[k + 1]."""
 
     @wp.struct
-    class Entries:
+    class LoadEntries:
         point: wp.array(dtype=int)           # places of the points that bear any, (k,)
         first: wp.array(dtype=int)           # (k + 1,)
         load: wp.array(dtype=int)            # column of each entry, (m,)
@@ -35,28 +35,28 @@ def entries(real):
         item: wp.array(dtype=int)            # entries by load, (m,)
         owner: wp.array(dtype=int)           # point of each entry, a place, (m,)
 
-    return Entries
+    return LoadEntries
 
 
 @cache
-def borne(real):
-    """Struct of who bears what, of frames that blocks take in one launch (kernels/fused/march.py): reads only."""
-    t, Entries = types(real), entries(real)
+def borne_loads(real):
+    """Struct of who bears what, of frames that blocks take in one launch (kernels/motion/fused/march.py): reads only."""
+    t, Entries = types(real), load_entries(real)
 
     @wp.struct
-    class Borne:
+    class BorneLoads:
         place: wp.array(dtype=int)           # number of each point among those that bear some, -1: none, (points,)
         entries: Entries
         own: wp.array(dtype=t.vec3)          # gravity alone, of those that bear some [m/s^2]
         value: wp.array2d(dtype=t.vec3)      # of each load, (rows, loads)
 
-    return Borne
+    return BorneLoads
 
 
 @cache
-def bear(real, module):
+def load_bearing_kernel(real, module):
     """Kernel over the points that bear a load: gravity with what a row of values adds [m/s^2]."""
-    t, Entries = types(real), entries(real)
+    t, Entries = types(real), load_entries(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def bear_loads(c: Entries, own: wp.array(dtype=t.vec3), value: wp.array2d(dtype=t.vec3), row: int,
@@ -72,9 +72,9 @@ def bear(real, module):
 
 
 @cache
-def shares(real, module):
+def load_share_kernel(real, module):
     """Kernel over the lanes of the loads: parts of the derivatives by their values."""
-    t, Entries = types(real), entries(real)
+    t, Entries = types(real), load_entries(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def load_shares(c: Entries, by_gravity: wp.array(dtype=t.vec3), share_out: wp.array(dtype=t.vec3)):
@@ -91,10 +91,10 @@ def shares(real, module):
 
 
 @cache
-def release(real, module):
-    """Kernel over the points that bear a load, and over the loads: adds to the derivatives by what `bear` has read, and clears
-    that by what it wrote."""
-    t, Entries = types(real), entries(real)
+def load_release_kernel(real, module):
+    """Kernel over the points that bear a load, and over the loads: adds to the derivatives by what `load_bearing_kernel` has
+    read, and clears that by what it wrote."""
+    t, Entries = types(real), load_entries(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def load_release(c: Entries, value: wp.array2d(dtype=t.vec3), share: wp.array(dtype=t.vec3), row: int,

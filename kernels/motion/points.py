@@ -23,12 +23,12 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.marks import whole
-from wsim.kernels.math.real import differentiable, present, types
+from wsim.kernels.math.marks import writes_all
+from wsim.kernels.math.real import has_adjoint, substep_number, types
 
 
 @cache
-def constants(real):
+def point_constants(real):
     """Struct of what each point and object keeps for the whole run: reads only."""
     t = types(real)
 
@@ -43,7 +43,7 @@ def constants(real):
 
 
 @cache
-def states(real):
+def point_states(real):
     """Struct of the state of the points, as a launch reads it; arrays that a kernel does not read stay empty."""
     t = types(real)
 
@@ -62,9 +62,9 @@ def states(real):
 
 
 @cache
-def predict_euler(real, module):
+def euler_prediction_kernel(real, module):
     """Kernel: anchor and unconstrained displacement of backward Euler."""
-    t, Constants = types(real), constants(real)
+    t, Constants = types(real), point_constants(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def predict_euler(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), g: real,
@@ -77,18 +77,17 @@ def predict_euler(real, module):
         a_out[i] = a
         d_out[i] = a + (free * g) * (rate * v[i] + g * c.gravity[o])
 
-    return whole(predict_euler)
+    return writes_all(predict_euler)
 
 
 @cache
-def predict_bdf2(real, module):
+def bdf2_prediction_kernel(real, module):
     """Kernel: anchor and unconstrained displacement of BDF2."""
-    t, Constants = types(real), constants(real)
+    t, Constants = types(real), point_constants(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def predict_bdf2(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), s: wp.array(dtype=t.vec3),
-                     u: wp.array(dtype=t.vec3), g: real,
-                     a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
+                     u: wp.array(dtype=t.vec3), g: real, a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         third = real(1.0) / real(3.0)
         o = c.object[i]
@@ -99,11 +98,11 @@ def predict_bdf2(real, module):
         a_out[i] = a
         d_out[i] = a + (free * g) * (rate * vt + g * c.gravity[o])
 
-    return whole(predict_bdf2)
+    return writes_all(predict_bdf2)
 
 
 @cache
-def finish_euler(real, module):
+def euler_finish_kernel(real, module):
     """Kernel: velocity, new position and its remainder."""
     t = types(real)
 
@@ -118,15 +117,15 @@ def finish_euler(real, module):
         x_out[i] = x1
         e_out[i] = step - (x1 - x0)
 
-    return whole(finish_euler)
+    return writes_all(finish_euler)
 
 
 @cache
-def finish_beyond(real, module, part: float = 0.5):
+def beyond_finish_kernel(real, module, part: float = 0.5):
     """Kernel: as finish_euler, from that part of the substep, where d is, to its end."""
     t, once, more = types(real), real(1.0 / part), real((1.0 - part) / part)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def finish_beyond(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                       v: wp.array(dtype=t.vec3), g: real,
                       x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
@@ -139,18 +138,20 @@ def finish_beyond(real, module, part: float = 0.5):
         x_out[i] = x1
         e_out[i] = step - (x1 - x0)
 
-    return whole(finish_beyond)
+    return writes_all(finish_beyond)
 
 
 @cache
-def prolong(real, module, part: float = 0.5):
+def beyond_prolong_kernel(real, module, part: float = 0.5):
     """Kernel: d, found at that part of the substep, goes on to its end, where contacts look for it (kept in `ahead`), v is the
     velocity there before they act. A pinned point has the velocity that it went by."""
     t, once, more = types(real), real(1.0 / part), real((1.0 - part) / part)
 
     @wp.kernel(module=module, enable_backward=False)
-    def prolong(w: wp.array(dtype=real), e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
-                g: real, d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3), ahead_out: wp.array(dtype=t.vec3)):
+    def prolong_beyond_stage(w: wp.array(dtype=real), e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3),
+                             v: wp.array(dtype=t.vec3),
+                             g: real, d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
+                             ahead_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         solved = d[i] - e[i]
         step = d[i] + more * solved
@@ -161,17 +162,17 @@ def prolong(real, module, part: float = 0.5):
         d_out[i] = step
         ahead_out[i] = step
 
-    return prolong
+    return prolong_beyond_stage
 
 
 @cache
-def land(real, module):
+def point_landing_kernel(real, module):
     """Kernel: new position and its remainder, where the velocity is known."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def land(d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-             x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3)):
+    def land_points(d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                    x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         x0 = x[i]
         step = d[i]
@@ -179,17 +180,17 @@ def land(real, module):
         x_out[i] = x1
         e_out[i] = step - (x1 - x0)
 
-    return land
+    return land_points
 
 
 @cache
-def finish_bdf2(real, module):
+def bdf2_finish_kernel(real, module):
     """Kernel: as finish_euler, and the history; reads x, e, v, d, a, struck. What leaves an overlap (struck = 1) goes on as if
     it had always had its new velocity; at other contacts `settle` of kernels/contact/project.py has made the normal part of
     the step one of backward Euler, since a multistep formula across an impact bounces."""
-    t, PointState = types(real), states(real)
+    t, PointState = types(real), point_states(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def finish_bdf2(at: PointState, h: real, g: real,
                     x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
                     s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
@@ -211,28 +212,28 @@ def finish_bdf2(real, module):
         s_out[i] = s1
         u_out[i] = v0
 
-    return whole(finish_bdf2)
+    return writes_all(finish_bdf2)
 
 
 @cache
-def move_pins(real, module):
+def pin_motion_kernel(real, module):
     """Kernel: a hard-pinned point goes that part of the way to where its frame is, target[k] [m], (substeps, pins)."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                   e: wp.array(dtype=t.vec3), k: int, now: wp.array(dtype=int), part: real, d_out: wp.array(dtype=t.vec3)):
         i = point[wp.tid()]
-        d_out[i] = e[i] + part * ((target[present(k, now), wp.tid()] - x[i]) - e[i])
+        d_out[i] = e[i] + part * ((target[substep_number(k, now), wp.tid()] - x[i]) - e[i])
 
     return move_pins
 
 
 @cache
-def carry_pins(real, module):
+def pin_velocity_kernel(real, module):
     """Kernel: a hard-pinned point has the velocity [m/s] of its frame, which a curve gives."""
     t = types(real)
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def carry_pins(point: wp.array(dtype=int), speed: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
         v_out[point[p]] = speed[p]
@@ -246,7 +247,7 @@ def soft_pins(real):
     t = types(real)
 
     @wp.struct
-    class SoftPins:
+    class SoftPinTable:
         point: wp.array(dtype=int)           # (pins,)
         alpha: wp.array(dtype=t.scalar)      # compliance [m/N], (pins,)
         damping: wp.array(dtype=t.scalar)    # [N s/m], (pins,)
@@ -255,15 +256,15 @@ def soft_pins(real):
         item: wp.array(dtype=int)
         turn: wp.array(dtype=int)            # pins of a launch, no two of one point; empty: all
 
-    return SoftPins
+    return SoftPinTable
 
 
 @cache
-def hold_pins(real, module):
+def pin_holding_kernel(real, module):
     """Kernel over the pins of a turn: C = x + d - target (three rows), a damped spring (XPBD, eq. 18, 26); reads x, d, a."""
-    t, SoftPins, PointState = types(real), soft_pins(real), states(real)
+    t, SoftPins, PointState = types(real), soft_pins(real), point_states(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), at: PointState, lam: wp.array(dtype=t.vec3), k: int,
                   g: real, d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
@@ -285,15 +286,15 @@ def hold_pins(real, module):
 
 
 @cache
-def not_finite(real, module):
+def not_finite_kernel(real, module):
     """Kernel: status becomes at least 1 + i for the highest point i whose position or velocity is not finite."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def not_finite(x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), status: wp.array(dtype=int)):
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def report_not_finite(x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), status: wp.array(dtype=int)):
         i = wp.tid()
         zero = (x[i] - x[i]) + (v[i] - v[i])              # no number minus itself is no number: a seventh of isfinite's time
         if zero[0] + zero[1] + zero[2] != real(0.0):
             wp.atomic_max(status, 0, i + 1)
 
-    return not_finite
+    return report_not_finite

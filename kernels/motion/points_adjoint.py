@@ -15,13 +15,13 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.motion.points import constants
+from wsim.kernels.motion.points import point_constants
 
 
 @cache
-def predict_adjoint(real, module):
+def prediction_adjoint_kernel(real, module):
     """Kernel over points. by_a, by_d: of what was written; the others are added to."""
-    t, Constants = types(real), constants(real)
+    t, Constants = types(real), point_constants(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -40,7 +40,7 @@ def predict_adjoint(real, module):
 
 
 @cache
-def finish_adjoint(real, module):
+def finish_adjoint_kernel(real, module):
     """Kernel over points. by_x_out, by_v: of what was written; the others are added to."""
     vec3 = wp.array(dtype=types(real).vec3)
 
@@ -57,12 +57,12 @@ def finish_adjoint(real, module):
 
 
 @cache
-def corrected(real):
+def correction_gradients(real):
     """Struct of gradients by what `correct` has written, and has read."""
     vec3 = wp.array(dtype=types(real).vec3)
 
     @wp.struct
-    class Corrected:
+    class CorrectionGradients:
         x_out: vec3
         v_out: vec3
         pair_out: vec3
@@ -74,13 +74,13 @@ def corrected(real):
         x: vec3
         v: vec3
 
-    return Corrected
+    return CorrectionGradients
 
 
 @cache
-def correct_adjoint(real, module):
+def correction_adjoint_kernel(real, module):
     """Kernel over points: from what was written to what was read; d~ is row `source` of pair."""
-    t, Corrected = types(real), corrected(real)
+    t, Corrected = types(real), correction_gradients(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def correct_adjoint(by: Corrected, h: real, source: int):

@@ -11,17 +11,17 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.spring import acceleration, net
-from wsim.kernels.math.real import differentiable, types
-from wsim.kernels.motion.explicit import phases
+from wsim.kernels.cloth.spring import acceleration_function, spring_nets
+from wsim.kernels.math.real import has_adjoint, types
+from wsim.kernels.motion.explicit import phase_spaces
 
 
 @cache
-def parts(real):
+def stage_parts(real):
     """Struct of one stage of a Runge-Kutta step."""
 
     @wp.struct
-    class Part:
+    class StagePart:
         c: real              # [s] c h of the next stage
         b: real              # [s] b h of this one
         h: real
@@ -31,17 +31,17 @@ def parts(real):
         curved: int          # 1: the row before the last is of the middle
         last: int
 
-    return Part
+    return StagePart
 
 
 @cache
-def _pinned(real):
+def _stage_pin_function(real):
     """Function: displacement of pinned point i at the next stage, and its velocity: of the parabola through its places where
     the substep begins, in its middle and at its end, if there are three, else the mean one."""
-    vec3, Net, Part = types(real).vec3, net(real), parts(real)
+    vec3, Net, Part = types(real).vec3, spring_nets(real), stage_parts(real)
 
     @wp.func
-    def pinned(i: int, net: Net, x: wp.array(dtype=vec3), base: vec3, part: Part):
+    def pinned_stage_point(i: int, net: Net, x: wp.array(dtype=vec3), base: vec3, part: Part):
         d1 = base
         V = vec3()
         p = net.pin[i]
@@ -53,20 +53,21 @@ def _pinned(real):
                 V += real(2.0) * ((end + base) - real(2.0) * (net.target[part.end - 1, p] - x[i])) / part.h
         return d1, V
 
-    return pinned
+    return pinned_stage_point
 
 
 @cache
-def stage(real, module, flags: tuple, field=None):
+def rk_step(real, module, flags: tuple, field=None):
     """Kernel over the lanes of the points: one stage of a Runge-Kutta step."""
-    t, Net, Phase, Part, lanes = types(real), net(real), phases(real), parts(real), dict(flags).get("lanes", 1)
-    vec3, force = t.vec3, acceleration(real, **dict(flags), field=field)
-    pinned = _pinned(real)
+    t, Net, Phase, Part, lanes = (types(real), spring_nets(real), phase_spaces(real), stage_parts(real),
+                                  dict(flags).get("lanes", 1))
+    vec3, force = t.vec3, acceleration_function(real, **dict(flags), field=field)
+    pinned = _stage_pin_function(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def stage(net: Net, f: wp.array(dtype=vec3), at: Phase, part: Part,
-              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
-              own_out: wp.array(dtype=vec3)):
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
+    def runge_kutta_stage(net: Net, f: wp.array(dtype=vec3), at: Phase, part: Part,
+                          d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
+                          own_out: wp.array(dtype=vec3)):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
         n = at.x.shape[0]
@@ -102,4 +103,4 @@ def stage(real, module, flags: tuple, field=None):
             d_out[into * n + i] = d1
             d_out[(2 + into) * n + i] = Q
 
-    return stage
+    return runge_kutta_stage

@@ -15,20 +15,20 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.marks import whole
-from wsim.kernels.math.real import differentiable, types
-from wsim.kernels.motion.points import states
+from wsim.kernels.math.marks import writes_all
+from wsim.kernels.math.real import has_adjoint, types
+from wsim.kernels.motion.points import point_states
 
 C = (3.0 + 3.0**0.5) / 6.0
 
 
 @cache
-def finish_stage(real, module):
+def stage_finish_kernel(real, module):
     """Kernel: from stage 1 to where stage 2 begins; s, u of it. Reads x, e, v, d."""
-    t, PointState, on = types(real), states(real), real((1.0 - 2.0 * C) / C)
+    t, PointState, on = types(real), point_states(real), real((1.0 - 2.0 * C) / C)
 
-    @whole
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @writes_all
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def finish_stage(at: PointState, g: real, x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3),
                      v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -49,12 +49,12 @@ def finish_stage(real, module):
 
 
 @cache
-def finish_step(real, module):
+def sdirk3_finish_kernel(real, module):
     """Kernel: from stage 2 to the end of the step; s, u of all of it. Reads x, e, v, d, s, u."""
-    t, PointState, half, before = types(real), states(real), real(0.5 / C), real((4.0 * C - 1.0) / (2.0 * C))
+    t, PointState, half, before = types(real), point_states(real), real(0.5 / C), real((4.0 * C - 1.0) / (2.0 * C))
 
-    @whole
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @writes_all
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def finish_step(at: PointState, g: real, x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3),
                     v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -77,12 +77,12 @@ def finish_step(real, module):
 
 
 @cache
-def place_pins(real, module):
+def sdirk3_pin_kernel(real, module):
     """Kernel: at the end of a step of H [s], which went s far, a hard-pinned point is where its frame is, row of
     target [m], and has its mean velocity. Reads x, e, s."""
-    t, PointState = types(real), states(real)
+    t, PointState = types(real), point_states(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def place_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), at: PointState, row: int, H: real,
                    x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         p = wp.tid()

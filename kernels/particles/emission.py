@@ -16,28 +16,28 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.fluid import shapes as moved
-from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables
-from wsim.kernels.particles.transfers import stencils
+from wsim.kernels.particles.sort import particle_structs
+from wsim.kernels.particles.transfers import transfer_stencils
 
 SINK = 1                 # what a source is; 0: it gives
 LEAST = 0.25             # cells, however fast the source is
 
 
 @cache
-def sources(real):
-    t, S = types(real), moved.structs(real)
+def emission_sources(real):
+    t, S = types(real), moved.fluid_shape_structs(real)
 
     @wp.struct
-    class Sources:
+    class EmissionSources:
         shapes: S.Shapes
         walls: S.Shapes                        # obstacles: what is within one gives nothing there
         what: wp.array(dtype=int)
         velocity: wp.array(dtype=t.vec3)       # [m/s], along the axes of the grid
         strength: wp.array(dtype=t.vec2)
 
-    return Sources
+    return EmissionSources
 
 
 @wp.struct
@@ -49,12 +49,12 @@ class Coming:
 
 
 @cache
-def reach(dim: int, kinds: tuple[str, ...], real):
+def source_containing_function(dim: int, kinds: tuple[str, ...], real):
     """Function (sources, x, clock, what) -> which of that kind a place x [cells] is within; -1: none."""
-    t, Sources, s = types(real), sources(real), moved.functions(dim, kinds, real)
+    t, Sources, s = types(real), emission_sources(real), moved.shape_queries(dim, kinds, real)
 
     @wp.func
-    def reach(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), what: int):
+    def source_containing(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), what: int):
         found = int(-1)
         at = clock[1] + clock[0]
         for k in range(sources.what.shape[0]):
@@ -64,34 +64,35 @@ def reach(dim: int, kinds: tuple[str, ...], real):
                     found = k
         return found
 
-    return reach
+    return source_containing
 
 
 @cache
-def drain(dim: int, kinds: tuple[str, ...], real, module):
+def particle_drain_kernel(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over rows: a particle within a sink is none any more."""
-    T, Sources, within = tables(real), sources(real), reach(dim, kinds, real)
+    T, Sources, within = particle_structs(real), emission_sources(real), source_containing_function(dim, kinds, real)
 
-    def drain(dx: real, of: Sources, clock: wp.array(dtype=real), particles: T.Particles, id_out: wp.array(dtype=int)):
+    def drain_particles(dx: real, of: Sources, clock: wp.array(dtype=real), particles: T.Particles,
+                        id_out: wp.array(dtype=int)):
         p = wp.tid()
         if particles.id[p] >= 0:
             if within(of, particles.x[p] / dx, clock, SINK) >= 0:
                 id_out[p] = -1
 
-    return wp.kernel(drain, name=f"particles_drain_{dim}d_{'_'.join(kinds)}_{types(real).name}", module=module,
+    return wp.kernel(drain_particles, name=f"particles_drain_{dim}d_{'_'.join(kinds)}_{types(real).name}", module=module,
                      enable_backward=False)
 
 
 @cache
-def vacancies(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
+def vacancy_functions(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
     """Functions: middle(i, m) -> place of part m of cell i [cells]; vacancies(g, particles, cells, of, clock, i) -> bits of the
     parts of cell i that lack a particle."""
-    t, S, T, s = types(real), structs(real), tables(real), stencils(dim, real)
-    Sources, within = sources(real), reach(dim, kinds, real)
-    solid = moved.functions(dim, walls or kinds, real)
+    t, S, T, s = types(real), grid_structs(real), particle_structs(real), transfer_stencils(dim, real)
+    Sources, within = emission_sources(real), source_containing_function(dim, kinds, real)
+    solid = moved.shape_queries(dim, walls or kinds, real)
 
     @wp.func
-    def covered(of: Sources, x: t.vec3, time: real):
+    def inside_obstacle(of: Sources, x: t.vec3, time: real):
         """Whether a place [cells] is within an obstacle."""
         found = bool(False)
         if wp.static(len(walls) > 0):
@@ -101,7 +102,7 @@ def vacancies(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
         return found
 
     @wp.func
-    def middle(i: wp.vec3i, m: int):
+    def cell_part_middle(i: wp.vec3i, m: int):
         x = t.vec3(real(i[0]) + real(0.25) + real(0.5) * real(m % 2),
                    real(i[1]) + real(0.25) + real(0.5) * real((m // 2) % 2), real(0.0))
         if wp.static(dim == 3):
@@ -109,7 +110,7 @@ def vacancies(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
         return x
 
     @wp.func
-    def free(g: S.Grid, particles: T.Particles, cells: T.Cells, i: wp.vec3i, x: t.vec3, least: real):
+    def cell_part_is_free(g: S.Grid, particles: T.Particles, cells: T.Cells, i: wp.vec3i, x: t.vec3, least: real):
         """Whether no particle is near x, a place in cell i."""
         depth = int(wp.static(int(dim == 3)))
         for a in range(i[0] - 1, i[0] + 2):
@@ -117,7 +118,7 @@ def vacancies(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
                 for d in range(i[2] - depth, i[2] + depth + 1):
                     j, shift = s.image(g, wp.vec3i(a, b, d))
                     if j[0] >= 0:
-                        c = flat(j, g.n)
+                        c = flat_cell_index(j, g.n)
                         for k in range(cells.first[c], cells.first[c + 1]):
                             away = particles.x[cells.order[k]] / g.dx + shift - x
                             far = wp.max(wp.abs(away[0]), wp.abs(away[1]))
@@ -128,29 +129,30 @@ def vacancies(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
         return True
 
     @wp.func
-    def vacancies(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real), i: wp.vec3i):
+    def vacant_cell_parts(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
+                          i: wp.vec3i):
         bits = int(0)
         for m in range(wp.static(2 ** dim)):
-            x = middle(i, m)
+            x = cell_part_middle(i, m)
             k = within(of, x, clock, 0)
             if k >= 0:
                 way = wp.length(of.velocity[k]) * clock[0] / g.dx
                 least = wp.max(real(0.5) - real(0.5) * way, real(LEAST))
-                if free(g, particles, cells, i, x, least) and not covered(of, x, clock[1]):
+                if cell_part_is_free(g, particles, cells, i, x, least) and not inside_obstacle(of, x, clock[1]):
                     bits = bits | (1 << m)
         return bits
 
-    return middle, vacancies
+    return cell_part_middle, vacant_cell_parts
 
 
 @cache
-def offer(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real, module):
+def particle_offer_kernel(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real, module):
     """Kernel over cells: how many particles come into each. walls: kinds of the obstacles."""
-    S, T, f, Sources = structs(real), tables(real), functions(dim, real), sources(real)
-    _, lacking = vacancies(dim, kinds, walls, real)
+    S, T, f, Sources = grid_structs(real), particle_structs(real), grid_functions(dim, real), emission_sources(real)
+    _, lacking = vacancy_functions(dim, kinds, walls, real)
 
-    def offer(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
-              count_out: wp.array(dtype=int)):
+    def offer_particles(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
+                        count_out: wp.array(dtype=int)):
         c = wp.tid()
         bits = lacking(g, particles, cells, of, clock, f.place(c, g.n))
         count = int(0)
@@ -158,19 +160,20 @@ def offer(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real, module
             count += (bits >> m) & 1
         count_out[c] = count
 
-    return wp.kernel(offer, name=f"particles_offer_{dim}d_{'_'.join((*kinds, *walls))}_{types(real).name}", module=module,
-                     enable_backward=False)
+    return wp.kernel(offer_particles, name=f"particles_offer_{dim}d_{'_'.join((*kinds, *walls))}_{types(real).name}",
+                     module=module, enable_backward=False)
 
 
 @cache
-def emit(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], affine: bool, real, module):
+def particle_emission_kernel(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], affine: bool, real, module):
     """Kernel over cells: the particles that come into each, of those that were offered."""
-    t, S, T, f, Sources = types(real), structs(real), tables(real), functions(dim, real), sources(real)
-    middle, lacking = vacancies(dim, kinds, walls, real)
-    within = reach(dim, kinds, real)
+    t, S, T, f, Sources = (types(real), grid_structs(real), particle_structs(real), grid_functions(dim, real),
+                           emission_sources(real))
+    middle, lacking = vacancy_functions(dim, kinds, walls, real)
+    within = source_containing_function(dim, kinds, real)
 
-    def emit(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
-             coming: Coming, out: T.Particles):
+    def emit_particles(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
+                       coming: Coming, out: T.Particles):
         c = wp.tid()
         if coming.offers[c] > 0:
             i = f.place(c, g.n)
@@ -192,22 +195,23 @@ def emit(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], affine: bool,
                     k += 1
 
     name = f"particles_emit{'_affine' * affine}_{dim}d_{'_'.join((*kinds, *walls))}_{types(real).name}"
-    return wp.kernel(emit, name=name, module=module, enable_backward=False)
+    return wp.kernel(emit_particles, name=name, module=module, enable_backward=False)
 
 
 @cache
-def counted(module):
+def emission_count_kernels(module):
     """Kernels of one thread: used (first, last) -> numbers[0] where a frame begins; come (first, last, room) -> numbers after
     an emission, and the rows that it wanted."""
 
-    def used(first: wp.array(dtype=int), last: int, numbers_out: wp.array(dtype=int)):
+    def count_used_rows(first: wp.array(dtype=int), last: int, numbers_out: wp.array(dtype=int)):
         numbers_out[0] = first[last]
 
-    def come(first: wp.array(dtype=int), last: int, room: int, numbers_out: wp.array(dtype=int),
-             wanted_out: wp.array(dtype=int)):
+    def count_emitted_rows(first: wp.array(dtype=int), last: int, room: int, numbers_out: wp.array(dtype=int),
+                           wanted_out: wp.array(dtype=int)):
         n = numbers_out[0] + first[last]
         wanted_out[0] = wp.max(wanted_out[0], n)
         numbers_out[0] = wp.min(n, room)
         numbers_out[1] = numbers_out[1] + first[last]
 
-    return [wp.kernel(f, name=f"particles_{f.__name__}", module=module, enable_backward=False) for f in (used, come)]
+    return [wp.kernel(f, name=f"particles_{f.__name__}", module=module, enable_backward=False)
+            for f in (count_used_rows, count_emitted_rows)]

@@ -9,19 +9,19 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
 
 KEPT = 3
 
 
 @cache
-def extend(dim: int, thin: bool, real, module):
+def velocity_extension_kernel(dim: int, thin: bool, real, module):
     """Kernel over the faces of an axis: known, the layer of each face, 1: it is the liquid's; 0: not yet. Faces of this layer
     are written, those of layers before are read. cut: bits of thin walls (walls.py)."""
-    S, f = structs(real), functions(dim, real)
+    S, f = grid_structs(real), grid_functions(dim, real)
 
-    def extend(g: S.Grid, axis: int, layer: int, mass: wp.array(dtype=real), cut: wp.array(dtype=int),
-               u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
+    def extend_velocity(g: S.Grid, axis: int, layer: int, mass: wp.array(dtype=real), cut: wp.array(dtype=int),
+                        u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
         c = wp.tid()
         if known_out[c] == 0:
             shape = f.faces(g, axis)
@@ -36,7 +36,7 @@ def extend(dim: int, thin: bool, real, module):
                 if g.periodic[b] != 0:
                     j[b] = (j[b] + shape[b]) % shape[b]
                 if j[b] >= 0 and j[b] < shape[b]:
-                    n = flat(j, shape)
+                    n = flat_cell_index(j, shape)
                     at = known_out[n]
                     if wp.static(thin):
                         of = n                                 # the lower one of the two
@@ -52,4 +52,4 @@ def extend(dim: int, thin: bool, real, module):
                     u_out[c] = sum / count
                 known_out[c] = layer
 
-    return wp.kernel(extend, name=f"extend{'_thin' * thin}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(extend_velocity, name=f"extend{'_thin' * thin}_{f.name}", module=module, enable_backward=False)

@@ -8,13 +8,13 @@ from wsim.kernels.math.real import types
 
 
 @cache
-def pull(real, module):
+def liquid_gravity_kernel(real, module):
     """Kernel over the faces of an axis."""
 
-    def pull(axis: int, gravity: wp.array(dtype=real), clock: wp.array(dtype=real), mass: wp.array(dtype=real),
-             u_out: wp.array(dtype=real)):
+    def apply_liquid_gravity(axis: int, gravity: wp.array(dtype=real), clock: wp.array(dtype=real), mass: wp.array(dtype=real),
+                             u_out: wp.array(dtype=real)):
         c = wp.tid()
         if mass[c] > real(0.0):
             u_out[c] = u_out[c] + clock[0] * gravity[axis]
 
-    return wp.kernel(pull, name=f"particles_pull_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(apply_liquid_gravity, name=f"particles_pull_{types(real).name}", module=module, enable_backward=False)

@@ -15,21 +15,21 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables
-from wsim.kernels.particles.transfers import sample
+from wsim.kernels.particles.sort import particle_structs
+from wsim.kernels.particles.transfers import seen_sample_function
 
 SKIN = 1e-3
 
 
 @cache
-def out_of(dim: int, real):
+def obstacle_exit_function(dim: int, real):
     """Function (g, shape, solid, s) -> a place s [cells], out of the obstacles."""
-    t, S = types(real), structs(real)
+    t, S = types(real), grid_structs(real)
 
     @wp.func
-    def out_of(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), s: t.vec3):
+    def push_out_of_obstacles(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), s: t.vec3):
         base = wp.vec3i(0, 0, 0)
         f = t.vec3()
         for b in range(wp.static(dim)):
@@ -40,7 +40,7 @@ def out_of(dim: int, real):
         corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
         for m in range(corners):
             i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
-            q = solid[flat(i, shape)]
+            q = solid[flat_cell_index(i, shape)]
             w = t.vec3(real(1.0), real(1.0), real(1.0))
             d = t.vec3()
             for b in range(wp.static(dim)):
@@ -58,15 +58,15 @@ def out_of(dim: int, real):
             found = s - (phi / g.dx) * n / size
         return found
 
-    return out_of
+    return push_out_of_obstacles
 
 
 @cache
-def fastest(real, module):
+def fastest_particle_kernel(real, module):
     """Kernel over threads: the greatest part of a velocity, and `more` [m/s] on top, into most_out."""
-    T = tables(real)
+    T = particle_structs(real)
 
-    def fastest(particles: T.Particles, threads: int, more: wp.array(dtype=real), most_out: wp.array(dtype=real)):
+    def find_fastest_particle(particles: T.Particles, threads: int, more: wp.array(dtype=real), most_out: wp.array(dtype=real)):
         most = real(0.0)
         for p in range(wp.tid(), particles.id.shape[0], threads):
             if particles.id[p] >= 0:
@@ -76,17 +76,17 @@ def fastest(real, module):
         if most > most_out[0]:
             wp.atomic_max(most_out, 0, most)
 
-    return wp.kernel(fastest, name=f"particles_fastest_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(find_fastest_particle, name=f"particles_fastest_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def move(dim: int, obstacles: bool, thin: bool, real, module):
+def particle_motion_kernel(dim: int, obstacles: bool, thin: bool, real, module):
     """Kernel over rows: x a step on; a particle that leaves gets an id below 0."""
-    t, S, T, f = types(real), structs(real), tables(real), functions(dim, real)
-    outside, read = out_of(dim, real), sample(dim, False, thin, real)
+    t, S, T, f = types(real), grid_structs(real), particle_structs(real), grid_functions(dim, real)
+    outside, read = obstacle_exit_function(dim, real), seen_sample_function(dim, False, thin, real)
 
     @wp.func
-    def seen(g: S.Grid, u: S.Faces, x: t.vec3, bits: int, other: t.vec3):
+    def seen_velocity(g: S.Grid, u: S.Faces, x: t.vec3, bits: int, other: t.vec3):
         """At a place [m], of what a particle sees there; `other` of what it sees nothing of."""
         v = other
         a, none, part = read(g, u.x, 0, x, bits)
@@ -102,7 +102,7 @@ def move(dim: int, obstacles: bool, thin: bool, real, module):
         return v
 
     @wp.func
-    def within(g: S.Grid, at: t.vec3):
+    def keep_in_domain(g: S.Grid, at: t.vec3):
         s = at
         stays = int(1)
         for b in range(wp.static(dim)):
@@ -124,8 +124,8 @@ def move(dim: int, obstacles: bool, thin: bool, real, module):
                         s[b] = n - real(SKIN)
         return s, stays
 
-    def move(g: S.Grid, u: S.Faces, d: S.Faces, clock: wp.array(dtype=real), shape: wp.vec3i, solid: wp.array(dtype=real),
-             particles: T.Particles, out: T.Particles):
+    def move_particles(g: S.Grid, u: S.Faces, d: S.Faces, clock: wp.array(dtype=real), shape: wp.vec3i,
+                       solid: wp.array(dtype=real), particles: T.Particles, out: T.Particles):
         p = wp.tid()
         if particles.id[p] >= 0:
             s = particles.x[p] / g.dx
@@ -140,14 +140,14 @@ def move(dim: int, obstacles: bool, thin: bool, real, module):
             if wp.static(thin):
                 if bits != -1:
                     x = particles.x[p]
-                    to = s + h * seen(g, u, x, bits, particles.v[p]) + seen(g, d, x, bits, t.vec3()) / g.dx
-            to, stays = within(g, to)
+                    to = s + h * seen_velocity(g, u, x, bits, particles.v[p]) + seen_velocity(g, d, x, bits, t.vec3()) / g.dx
+            to, stays = keep_in_domain(g, to)
             if wp.static(obstacles):
-                to, still = within(g, outside(g, shape, solid, to))
+                to, still = keep_in_domain(g, outside(g, shape, solid, to))
                 stays = stays * still
             out.x[p] = g.dx * to
             if stays == 0:
                 out.id[p] = -1
 
     name = f"particles_move{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}"
-    return wp.kernel(move, name=name, module=module, enable_backward=False)
+    return wp.kernel(move_particles, name=name, module=module, enable_backward=False)

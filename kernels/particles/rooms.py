@@ -17,28 +17,28 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import functions, structs
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
 from wsim.kernels.fluid.solver.islands import Forest
-from wsim.kernels.particles.volume import open_part
+from wsim.kernels.particles.volume import open_fraction
 
 UNIT = 1 << 20           # parts of a cell that capacities are counted in
 ALMOST = 1e-3            # of a particle, which is not worth more than rounding
 
 
 @wp.struct
-class Rooms:
+class ParticleRooms:
     capacity: wp.array(dtype=wp.int64)     # of a root: parts of cells
     held: wp.array(dtype=int)              # of a root: particles
     wanted: wp.array(dtype=int)            # of a root: particles that are offered
 
 
 @cache
-def counters(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
+def room_counter_kernels(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
     """Kernels over cells: measure (capacities), clear (what a
     step counts, and offers that are in no room), count (particles held and wanted), limit (offers that find room)."""
-    S, f, part_of = structs(real), functions(dim, real), open_part(dim, real)
+    S, f, part_of = grid_structs(real), grid_functions(dim, real), open_fraction(dim, real)
 
-    def measure(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), of: Forest, out: Rooms):
+    def measure_room_capacity(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), of: Forest, out: ParticleRooms):
         c = wp.tid()
         r = of.label[c]
         if r >= 0:
@@ -47,14 +47,14 @@ def counters(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
                 o = part_of(g.dx, shape, solid, f.place(c, g.n))
             wp.atomic_add(out.capacity, r, wp.int64(wp.rint(o * wp.float64(UNIT))))
 
-    def clear(of: Forest, out: Rooms, offers_out: wp.array(dtype=int)):
+    def clear_room_counts(of: Forest, out: ParticleRooms, offers_out: wp.array(dtype=int)):
         c = wp.tid()
         if of.label[c] < 0:
             offers_out[c] = 0
         out.held[c] = 0
         out.wanted[c] = 0
 
-    def count(first: wp.array(dtype=int), offers: wp.array(dtype=int), of: Forest, out: Rooms):
+    def count_room_particles(first: wp.array(dtype=int), offers: wp.array(dtype=int), of: Forest, out: ParticleRooms):
         c = wp.tid()
         r = of.label[c]
         if r >= 0:
@@ -64,7 +64,8 @@ def counters(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
             if offers[c] > 0:
                 wp.atomic_add(out.wanted, r, offers[c])
 
-    def limit(offers: wp.array(dtype=int), before: wp.array(dtype=int), of: Forest, rooms: Rooms, out: wp.array(dtype=int)):
+    def limit_room_offers(offers: wp.array(dtype=int), before: wp.array(dtype=int), of: Forest, rooms: ParticleRooms,
+                          out: wp.array(dtype=int)):
         c = wp.tid()
         n = offers[c]
         r = of.label[c]
@@ -80,5 +81,5 @@ def counters(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
 
     name = f"{'obstacles_' * obstacles}{f.name}"
     make = [wp.kernel(k, name=f"rooms_{k.__name__}_{name}", module=module, enable_backward=False)
-            for k in (measure, clear, count, limit)]
+            for k in (measure_room_capacity, clear_room_counts, count_room_particles, limit_room_offers)]
     return SimpleNamespace(measure=make[0], clear=make[1], count=make[2], limit=make[3])

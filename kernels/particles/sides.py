@@ -2,7 +2,7 @@
 before it, and what is left of its way goes on along the surface.
 
     p, q    its places in the frame of a shape that moves, at the start and at the end of the segment
-    hit     the first of all shapes, kernels/collider/segment.py: h = p + s (q - p), normal n
+    hit     the first of all shapes, kernels/contact/collider/segment.py: h = p + s (q - p), normal n
     slide   the segment from h to h + (1 - s) (q - p) less its part into the surface, LIFT of its length away from it, at most
             SLIDES times; then the particle rests where it is on what it met last, which takes it along
 
@@ -16,9 +16,9 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.fluid import shapes as moved
-from wsim.kernels.fluid.grid import flat, structs
+from wsim.kernels.fluid.grid import flat_cell_index, grid_structs
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables, where
+from wsim.kernels.particles.sort import particle_cell_function, particle_structs
 
 SKIN = 1.0e-3            # cells; more than places are rounded by in a domain of a thousand cells
 SLIDES = 6               # an edge takes two, a corner three
@@ -26,9 +26,9 @@ LIFT = 1.0e-4            # of a slide: what is left of its part into the surface
 
 
 @cache
-def slide(dim: int, kinds: tuple[str, ...], real):
+def particle_slide_function(dim: int, kinds: tuple[str, ...], real):
     """Function (shapes, a, b, start, end) -> where a particle that goes from a to b [m] between these times comes to."""
-    t, S, s = types(real), moved.structs(real), moved.functions(dim, kinds, real)
+    t, S, s = types(real), moved.fluid_shape_structs(real), moved.shape_queries(dim, kinds, real)
 
     @wp.func
     def flat_as(shapes: S.Shapes, y: t.vec3, of: t.vec3):
@@ -40,7 +40,7 @@ def slide(dim: int, kinds: tuple[str, ...], real):
         return z
 
     @wp.func(inline=False)
-    def slide(shapes: S.Shapes, a: t.vec3, b: t.vec3, start: real, end: real):
+    def slide_along_shapes(shapes: S.Shapes, a: t.vec3, b: t.vec3, start: real, end: real):
         skin = real(SKIN) * shapes.dx
         time = start
         x = a
@@ -72,18 +72,19 @@ def slide(dim: int, kinds: tuple[str, ...], real):
             to = flat_as(shapes, s.world(shapes.of, shape, h + rest, end), a)
         return to
 
-    return slide
+    return slide_along_shapes
 
 
 @cache
-def keep(dim: int, kinds: tuple[str, ...], real, module):
+def side_keeping_kernel(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over rows: x_out of particles that were at `before` [m] where the step began. clear: of each cell, distance [m] to
     the nearest shape (kernels/particles/walls.py)."""
-    t, S, T, G = types(real), moved.structs(real), tables(real), structs(real)
-    s, along, cell = moved.functions(dim, kinds, real), slide(dim, kinds, real), where(dim, real)
+    t, S, T, G = types(real), moved.fluid_shape_structs(real), particle_structs(real), grid_structs(real)
+    s, along, cell = (moved.shape_queries(dim, kinds, real), particle_slide_function(dim, kinds, real),
+                      particle_cell_function(dim, real))
 
-    def keep(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
-             before: wp.array(dtype=t.vec3), particles: T.Particles, x_out: wp.array(dtype=t.vec3)):
+    def keep_particle_sides(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+                            before: wp.array(dtype=t.vec3), particles: T.Particles, x_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         if particles.id[i] >= 0:
             old = before[i]
@@ -93,7 +94,7 @@ def keep(dim: int, kinds: tuple[str, ...], real, module):
                 size = real(g.n[a]) * g.dx
                 if g.periodic[a] != 0 and wp.abs(way[a]) > real(0.5) * size:
                     way[a] = way[a] - wp.sign(way[a]) * size
-            near = clear[flat(cell(g, old), g.n)]
+            near = clear[flat_cell_index(cell(g, old), g.n)]
             if near[0] < wp.length(way) + g.dx:
                 y = along(shapes, s.spot(shapes, old / g.dx), s.spot(shapes, (old + way) / g.dx), clock[1], clock[1] + clock[0])
                 for a in range(wp.static(dim)):
@@ -109,4 +110,4 @@ def keep(dim: int, kinds: tuple[str, ...], real, module):
                         x[a] = wp.min(x[a], size - real(SKIN) * g.dx)
             x_out[i] = x
 
-    return wp.kernel(keep, name=f"particles_keep_{s.name}", module=module, enable_backward=False)
+    return wp.kernel(keep_particle_sides, name=f"particles_keep_{s.name}", module=module, enable_backward=False)

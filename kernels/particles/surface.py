@@ -6,7 +6,8 @@ Gibou, Fedkiw, Cheng, Kang 2002: pressure 0 at the surface, order 2).
             theta = phi_l / (phi_l - phi_a): how far the surface is, in cells
     u -= (p_n - p_c),  at the surface  u -= (0 - p_c) / theta
 
-Where no cell of a sealed box is air, `own` is GROUND everywhere: the equation has an answer, and p a mean of 0.
+Where no cell of a sealed box is air, `surface_diagonal_kernel` is GROUND everywhere: the equation has an answer, and p a mean
+of 0.
 """
 
 # ruff: noqa: UP018
@@ -16,8 +17,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
-from wsim.kernels.fluid.pressure import FREE, levels, stencil
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
+from wsim.kernels.fluid.pressure import FREE, poisson_stencil, pressure_levels
 from wsim.kernels.math.real import types
 
 THETA = 1e-3             # least part of a cell, which keeps the equation finite
@@ -26,13 +27,13 @@ PACKED = 0.5             # most of a cell that a step makes room for
 
 
 @cache
-def near(dim: int, real) -> SimpleNamespace:
+def surface_functions(dim: int, real) -> SimpleNamespace:
     """beside(g, i, axis, side) -> cell beyond a face (component -1: none); part(phi, c, n) -> theta of a liquid cell c and air
     n; face(g, i, axis, side) -> row of that face; opening(g, open, i, axis, side) -> its open part."""
-    S, f = structs(real), functions(dim, real)
+    S, f = grid_structs(real), grid_functions(dim, real)
 
     @wp.func
-    def beside(g: S.Grid, i: wp.vec3i, axis: int, side: int):
+    def adjacent_liquid_cell(g: S.Grid, i: wp.vec3i, axis: int, side: int):
         j = wp.vec3i(i[0], i[1], i[2])
         j[axis] = i[axis] + side
         if g.periodic[axis] != 0:
@@ -45,61 +46,64 @@ def near(dim: int, real) -> SimpleNamespace:
         return j
 
     @wp.func
-    def part(phi: wp.array(dtype=real), c: int, n: int):
+    def ghost_fluid_fraction(phi: wp.array(dtype=real), c: int, n: int):
         return wp.max(phi[c] / (phi[c] - phi[n]), real(THETA))
 
     @wp.func
-    def face(g: S.Grid, i: wp.vec3i, axis: int, side: int):
+    def cell_face_row(g: S.Grid, i: wp.vec3i, axis: int, side: int):
         """Row of a face of a cell; side 0 or 1."""
         j = wp.vec3i(i[0], i[1], i[2])
         j[axis] = i[axis] + side
         if g.periodic[axis] != 0 and j[axis] == g.n[axis]:
             j[axis] = 0
-        return flat(j, f.faces(g, axis))
+        return flat_cell_index(j, f.faces(g, axis))
 
     @wp.func
-    def opening(g: S.Grid, open: S.Faces, i: wp.vec3i, axis: int, side: int):
+    def cell_face_opening(g: S.Grid, open: S.Faces, i: wp.vec3i, axis: int, side: int):
         """Open part of a face of a cell; side 0 or 1."""
-        q = face(g, i, axis, side)
+        q = cell_face_row(g, i, axis, side)
         if axis == 0:
             return open.x[q]
         if axis == 1:
             return open.y[q]
         return open.z[q]
 
-    return SimpleNamespace(beside=beside, part=part, face=face, opening=opening)
+    return SimpleNamespace(beside=adjacent_liquid_cell, part=ghost_fluid_fraction, face=cell_face_row,
+                           opening=cell_face_opening)
 
 
 @cache
-def couple(dim: int, obstacles: bool, real, module):
+def surface_coupling_kernel(dim: int, obstacles: bool, real, module):
     """Kernel over the faces of an axis: k_out."""
-    S, f, at = structs(real), functions(dim, real), near(dim, real)
+    S, f, at = grid_structs(real), grid_functions(dim, real), surface_functions(dim, real)
 
-    def couple(g: S.Grid, axis: int, phi: wp.array(dtype=real), o: wp.array(dtype=real), k_out: wp.array(dtype=real)):
+    def couple_liquid_cells(g: S.Grid, axis: int, phi: wp.array(dtype=real), o: wp.array(dtype=real),
+                            k_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, f.faces(g, axis))
         before = at.beside(g, i, axis, -1)
         both = real(1.0)
         if i[axis] < g.n[axis]:
-            if phi[flat(i, g.n)] >= real(0.0):
+            if phi[flat_cell_index(i, g.n)] >= real(0.0):
                 both = real(0.0)
         if before[axis] >= 0:
-            if phi[flat(before, g.n)] >= real(0.0):
+            if phi[flat_cell_index(before, g.n)] >= real(0.0):
                 both = real(0.0)
         if wp.static(obstacles):
             both *= o[c]
         k_out[c] = both
 
     name = f"surface_couple{'_obstacles' * obstacles}_{f.name}"
-    return wp.kernel(couple, name=name, module=module, enable_backward=False)
+    return wp.kernel(couple_liquid_cells, name=name, module=module, enable_backward=False)
 
 
 @cache
-def own(dim: int, obstacles: bool, real, module):
+def surface_diagonal_kernel(dim: int, obstacles: bool, real, module):
     """Kernel over cells: own_out; air_out is 1 where some cell has one."""
-    S, f, at = structs(real), functions(dim, real), near(dim, real)
+    S, f, at = grid_structs(real), grid_functions(dim, real), surface_functions(dim, real)
 
-    def own(g: S.Grid, phi: wp.array(dtype=real), open: S.Faces, own_out: wp.array(dtype=real), air_out: wp.array(dtype=int)):
+    def ghost_fluid_diagonal(g: S.Grid, phi: wp.array(dtype=real), open: S.Faces, own_out: wp.array(dtype=real),
+                             air_out: wp.array(dtype=int)):
         c = wp.tid()
         i = f.place(c, g.n)
         sum = real(0.0)
@@ -109,7 +113,7 @@ def own(dim: int, obstacles: bool, real, module):
                 a = m // 2
                 n = at.beside(g, i, a, 2 * (m % 2) - 1)
                 if n[a] >= 0:
-                    other = flat(n, g.n)
+                    other = flat_cell_index(n, g.n)
                     if phi[other] >= real(0.0):
                         o = real(1.0)
                         if wp.static(obstacles):
@@ -119,29 +123,30 @@ def own(dim: int, obstacles: bool, real, module):
         if sum > real(0.0):
             air_out[0] = 1
 
-    return wp.kernel(own, name=f"surface_own{'_obstacles' * obstacles}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(ghost_fluid_diagonal, name=f"surface_own{'_obstacles' * obstacles}_{f.name}", module=module,
+                     enable_backward=False)
 
 
 @cache
-def ground(real, module):
+def sealed_ground_kernel(real, module):
     """Kernel over cells of a sealed box: see GROUND."""
 
-    def ground(air: wp.array(dtype=int), phi: wp.array(dtype=real), own_out: wp.array(dtype=real)):
+    def ground_sealed_liquid(air: wp.array(dtype=int), phi: wp.array(dtype=real), own_out: wp.array(dtype=real)):
         c = wp.tid()
         if air[0] == 0 and phi[c] < real(0.0):
             own_out[c] = real(GROUND)
 
-    return wp.kernel(ground, name=f"surface_ground_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(ground_sealed_liquid, name=f"surface_ground_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def outflow(dim: int, obstacles: bool, moving: bool, real, module):
+def liquid_outflow_kernel(dim: int, obstacles: bool, moving: bool, real, module):
     """Kernel over cells: the right-hand side [m/s] of the velocity in liquid cells, else 0."""
-    S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
-    s = stencil(dim, FREE, real)
+    S, f, at, Level = grid_structs(real), grid_functions(dim, real), surface_functions(dim, real), pressure_levels(real)
+    s = poisson_stencil(dim, FREE, real)
 
     @wp.func
-    def through(u: wp.array(dtype=real), o: wp.array(dtype=real), v: wp.array(dtype=real), c: int):
+    def liquid_face_flux(u: wp.array(dtype=real), o: wp.array(dtype=real), v: wp.array(dtype=real), c: int):
         flux = u[c]
         if wp.static(obstacles):
             flux = o[c] * u[c]
@@ -150,33 +155,34 @@ def outflow(dim: int, obstacles: bool, moving: bool, real, module):
         return flux
 
     @wp.func
-    def out(g: S.Grid, axis: int, i: wp.vec3i, u: wp.array(dtype=real), o: wp.array(dtype=real), v: wp.array(dtype=real)):
-        return through(u, o, v, at.face(g, i, axis, 1)) - through(u, o, v, at.face(g, i, axis, 0))
+    def liquid_axis_outflow(g: S.Grid, axis: int, i: wp.vec3i, u: wp.array(dtype=real), o: wp.array(dtype=real),
+                            v: wp.array(dtype=real)):
+        return liquid_face_flux(u, o, v, at.face(g, i, axis, 1)) - liquid_face_flux(u, o, v, at.face(g, i, axis, 0))
 
-    def outflow(g: S.Grid, u: S.Faces, open: S.Faces, solid: S.Faces, phi: wp.array(dtype=real), level: Level,
-                b_out: wp.array(dtype=real)):
+    def liquid_cell_outflow(g: S.Grid, u: S.Faces, open: S.Faces, solid: S.Faces, phi: wp.array(dtype=real), level: Level,
+                            b_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         sum = real(0.0)
         if phi[c] < real(0.0) and s.diagonal(level, i) > real(0.0):
-            sum = out(g, 0, i, u.x, open.x, solid.x) + out(g, 1, i, u.y, open.y, solid.y)
+            sum = liquid_axis_outflow(g, 0, i, u.x, open.x, solid.x) + liquid_axis_outflow(g, 1, i, u.y, open.y, solid.y)
             if wp.static(dim == 3):
-                sum += out(g, 2, i, u.z, open.z, solid.z)
+                sum += liquid_axis_outflow(g, 2, i, u.z, open.z, solid.z)
         b_out[c] = -sum
 
     name = f"surface_outflow{'_obstacles' * obstacles}{'_moving' * moving}_{f.name}"
-    return wp.kernel(outflow, name=name, module=module, enable_backward=False)
+    return wp.kernel(liquid_cell_outflow, name=name, module=module, enable_backward=False)
 
 
 @cache
-def crowding(dim: int, thin: bool, real, module):
+def density_correction_kernel(dim: int, thin: bool, real, module):
     """Kernel over cells: the right-hand side of a displacement [m] that makes room where f > 1 and, where all cells beside are
     liquid, takes it where f < 1 (Kugelstadt, Longva, Thuerey, Bender 2019). thin: cells beyond closed faces do not count."""
-    S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
-    s = stencil(dim, FREE, real)
+    S, f, at, Level = grid_structs(real), grid_functions(dim, real), surface_functions(dim, real), pressure_levels(real)
+    s = poisson_stencil(dim, FREE, real)
 
-    def crowding(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), open: S.Faces, level: Level,
-                 b_out: wp.array(dtype=real)):
+    def density_correction(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), open: S.Faces, level: Level,
+                           b_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         b = real(0.0)
@@ -190,21 +196,22 @@ def crowding(dim: int, thin: bool, real, module):
                 if wp.static(thin):
                     o = at.opening(g, open, i, a, m % 2)
                 if n[a] >= 0 and o > real(0.0):
-                    if phi[flat(n, g.n)] >= real(0.0):
+                    if phi[flat_cell_index(n, g.n)] >= real(0.0):
                         b = wp.min(b, real(0.0))
         b_out[c] = -b
 
-    return wp.kernel(crowding, name=f"surface_crowding{'_thin' * thin}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(density_correction, name=f"surface_crowding{'_thin' * thin}_{f.name}", module=module,
+                     enable_backward=False)
 
 
 @cache
-def push(dim: int, obstacles: bool, moving: bool, real, module):
+def liquid_projection_kernel(dim: int, obstacles: bool, moving: bool, real, module):
     """Kernel over the faces of an axis: u_out = u less the gradient of p; known_out is 1 at faces of liquid, else 0. both: x
     their openings, y the velocities of what covers them."""
-    S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
+    S, f, at, Level = grid_structs(real), grid_functions(dim, real), surface_functions(dim, real), pressure_levels(real)
 
-    def push(g: S.Grid, axis: int, level: Level, p: wp.array(dtype=real), phi: wp.array(dtype=real), both: S.Faces,
-             u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
+    def project_liquid_faces(g: S.Grid, axis: int, level: Level, p: wp.array(dtype=real), phi: wp.array(dtype=real),
+                             both: S.Faces, u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
         c = wp.tid()
         i = f.place(c, f.faces(g, axis))
         before = at.beside(g, i, axis, -1)
@@ -213,10 +220,10 @@ def push(dim: int, obstacles: bool, moving: bool, real, module):
         n = int(-1)
         m = int(-1)
         if there:
-            n = flat(i, g.n)
+            n = flat_cell_index(i, g.n)
             there = phi[n] < real(0.0)
         if back:
-            m = flat(before, g.n)
+            m = flat_cell_index(before, g.n)
             back = phi[m] < real(0.0)
         drop = real(0.0)
         if there and back:
@@ -244,4 +251,4 @@ def push(dim: int, obstacles: bool, moving: bool, real, module):
         known_out[c] = known
 
     name = f"surface_push{'_obstacles' * obstacles}{'_moving' * moving}_{f.name}"
-    return wp.kernel(push, name=name, module=module, enable_backward=False)
+    return wp.kernel(project_liquid_faces, name=name, module=module, enable_backward=False)

@@ -25,30 +25,30 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs, wrapped
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs, wrap_row
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.sort import particle_structs
 
 TRANSFERS = ("apic", "flip", "pic")
 
 
 @cache
-def stencils(dim: int, real) -> SimpleNamespace:
+def transfer_stencils(dim: int, real) -> SimpleNamespace:
     """reach(g, axis, i, b) -> (first, last) cell along axis b about row i of a component (-1: of the centres); rows(g, axis, x)
     -> place of x [m] in rows, held within them; hat(d) -> weight at d rows; image(g, j) -> (cell that stands for j, whole
     periods [m] that it is away; no cell: first component -1); sees(bits, axis, m) -> whether a particle of these bits sees the
     row at its corner m; corner(away) -> m of the row that is `away` rows from it."""
-    t, S, f = types(real), structs(real), functions(dim, real)
+    t, S, f = types(real), grid_structs(real), grid_functions(dim, real)
 
     @wp.func
-    def reach(axis: int, i: int, b: int):
+    def transfer_reach(axis: int, i: int, b: int):
         last = i + 1
         if b == axis:
             last = i
         return i - 1, last
 
     @wp.func
-    def rows(g: S.Grid, axis: int, x: t.vec3):
+    def place_in_rows(g: S.Grid, axis: int, x: t.vec3):
         s = x / g.dx - f.offset(axis)
         for b in range(wp.static(dim)):
             if g.periodic[b] == 0:
@@ -59,18 +59,18 @@ def stencils(dim: int, real) -> SimpleNamespace:
         return s
 
     @wp.func
-    def hat(d: real):
+    def hat_weight(d: real):
         return wp.max(real(1.0) - wp.abs(d), real(0.0))
 
     @wp.func
-    def image(g: S.Grid, j: wp.vec3i):
+    def periodic_image(g: S.Grid, j: wp.vec3i):
         """Shift in cells is added to the place of a particle there."""
         i = wp.vec3i(0, 0, 0)
         shift = t.vec3()
         for b in range(wp.static(dim)):
             i[b] = j[b]
             if g.periodic[b] != 0:
-                i[b] = wrapped(j[b], g.n[b], 1)
+                i[b] = wrap_row(j[b], g.n[b], 1)
                 shift[b] = real(j[b] - i[b])
             elif j[b] < 0 or j[b] >= g.n[b]:
                 i[0] = -1
@@ -78,26 +78,28 @@ def stencils(dim: int, real) -> SimpleNamespace:
         return i, shift
 
     @wp.func
-    def corner(away: t.vec3):
+    def hat_corner(away: t.vec3):
         m = int(away[0] > real(0.0)) + 2 * int(away[1] > real(0.0))
         if wp.static(dim == 3):
             m += 4 * int(away[2] > real(0.0))
         return m
 
     @wp.func
-    def sees(bits: int, axis: int, m: int):
+    def row_is_seen(bits: int, axis: int, m: int):
         return ((bits >> ((axis + 1) * wp.static(2 ** dim) + m)) & 1) != 0
 
-    return SimpleNamespace(reach=reach, rows=rows, hat=hat, image=image, corner=corner, sees=sees)
+    return SimpleNamespace(reach=transfer_reach, rows=place_in_rows, hat=hat_weight, image=periodic_image, corner=hat_corner,
+                           sees=row_is_seen)
 
 
 @cache
-def to_faces(dim: int, affine: bool, thin: bool, real, module):
+def particle_to_grid_kernel(dim: int, affine: bool, thin: bool, real, module):
     """Kernel over the faces of an axis: u_out [m/s], 0 where there is no particle; mass_out, in particles."""
-    t, S, T, f, s = types(real), structs(real), tables(real), functions(dim, real), stencils(dim, real)
+    t, S, T, f, s = (types(real), grid_structs(real), particle_structs(real), grid_functions(dim, real),
+                     transfer_stencils(dim, real))
 
-    def to_faces(g: S.Grid, axis: int, particles: T.Particles, cells: T.Cells, u_out: wp.array(dtype=real),
-                 mass_out: wp.array(dtype=real)):
+    def particle_to_grid(g: S.Grid, axis: int, particles: T.Particles, cells: T.Cells, u_out: wp.array(dtype=real),
+                         mass_out: wp.array(dtype=real)):
         face = wp.tid()
         i = f.place(face, f.faces(g, axis))
         low = wp.vec3i(0, 0, 0)
@@ -114,7 +116,7 @@ def to_faces(dim: int, affine: bool, thin: bool, real, module):
                 for d in range(low[2], high[2] + 1):
                     j, shift = s.image(g, wp.vec3i(a, b, d))
                     if j[0] >= 0:
-                        c = flat(j, g.n)
+                        c = flat_cell_index(j, g.n)
                         for k in range(cells.first[c], cells.first[c + 1]):
                             p = cells.order[k]
                             away = at - shift - s.rows(g, axis, particles.x[p])
@@ -140,17 +142,17 @@ def to_faces(dim: int, affine: bool, thin: bool, real, module):
         mass_out[face] = mass
 
     name = f"to_faces{'_affine' * affine}{'_thin' * thin}_{f.name}"
-    return wp.kernel(to_faces, name=name, module=module, enable_backward=False)
+    return wp.kernel(particle_to_grid, name=name, module=module, enable_backward=False)
 
 
 @cache
-def sample(dim: int, affine: bool, thin: bool, real):
+def seen_sample_function(dim: int, affine: bool, thin: bool, real):
     """Function (g, u, axis, x, bits) -> (value of a component at x [m], its gradient [1/s], part of the weights that a particle
     of these bits sees). Rows that it does not see have the mean of those that it sees."""
-    t, S, f, s = types(real), structs(real), functions(dim, real), stencils(dim, real)
+    t, S, f, s = types(real), grid_structs(real), grid_functions(dim, real), transfer_stencils(dim, real)
 
     @wp.func(inline=False)
-    def mean(g: S.Grid, u: wp.array(dtype=real), axis: int, at: t.vec3, base: wp.vec3i, bits: int):
+    def seen_rows_mean(g: S.Grid, u: wp.array(dtype=real), axis: int, at: t.vec3, base: wp.vec3i, bits: int):
         """(mean of the rows that are seen, their part of the weights)."""
         shape = f.faces(g, axis)
         sum = real(0.0)
@@ -169,7 +171,7 @@ def sample(dim: int, affine: bool, thin: bool, real):
         return sum, whole
 
     @wp.func
-    def sample(g: S.Grid, u: wp.array(dtype=real), axis: int, x: t.vec3, bits: int):
+    def sample_seen_rows(g: S.Grid, u: wp.array(dtype=real), axis: int, x: t.vec3, bits: int):
         shape = f.faces(g, axis)
         at = s.rows(g, axis, x)
         base = wp.vec3i(0, 0, 0)
@@ -181,7 +183,7 @@ def sample(dim: int, affine: bool, thin: bool, real):
         whole = real(1.0)
         if wp.static(thin):
             if bits != -1:
-                rest, whole = mean(g, u, axis, at, base, bits)
+                rest, whole = seen_rows_mean(g, u, axis, at, base, bits)
         corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
         for m in range(corners):
             i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
@@ -202,20 +204,20 @@ def sample(dim: int, affine: bool, thin: bool, real):
                     slope[2] = slope[2] + w[0] * w[1] * sign[2] * q / g.dx
         return value, slope, whole
 
-    return sample
+    return sample_seen_rows
 
 
 @cache
-def to_particles(dim: int, transfer: str, thin: bool, real, module):
-    """Kernel over rows: v (and C) of each particle from u; of flip `before`, what `to_faces` had left, and the part s. A
-    component that a particle sees no row of stays as it is."""
-    S, T = structs(real), tables(real)
+def grid_to_particle_kernel(dim: int, transfer: str, thin: bool, real, module):
+    """Kernel over rows: v (and C) of each particle from u; of flip `before`, what `particle_to_grid_kernel` had left, and the
+    part s. A component that a particle sees no row of stays as it is."""
+    S, T = grid_structs(real), particle_structs(real)
     affine, flip = transfer == "apic", transfer == "flip"
-    read = sample(dim, affine, thin, real)
+    read = seen_sample_function(dim, affine, thin, real)
 
     @wp.func
-    def changed(g: S.Grid, u: wp.array(dtype=real), before: wp.array(dtype=real), axis: int, particles: T.Particles,
-                p: int, s: real, out: T.Particles):
+    def transferred_component(g: S.Grid, u: wp.array(dtype=real), before: wp.array(dtype=real), axis: int,
+                              particles: T.Particles, p: int, s: real, out: T.Particles):
         bits = int(-1)
         if wp.static(thin):
             bits = particles.seen[p]
@@ -236,15 +238,15 @@ def to_particles(dim: int, transfer: str, thin: bool, real, module):
             out.C[p] = C
         return value
 
-    def to_particles(g: S.Grid, u: S.Faces, before: S.Faces, s: real, particles: T.Particles, out: T.Particles):
+    def grid_to_particle(g: S.Grid, u: S.Faces, before: S.Faces, s: real, particles: T.Particles, out: T.Particles):
         p = wp.tid()
         if particles.id[p] >= 0:
             v = particles.v[p]
-            v[0] = changed(g, u.x, before.x, 0, particles, p, s, out)
-            v[1] = changed(g, u.y, before.y, 1, particles, p, s, out)
+            v[0] = transferred_component(g, u.x, before.x, 0, particles, p, s, out)
+            v[1] = transferred_component(g, u.y, before.y, 1, particles, p, s, out)
             if wp.static(dim == 3):
-                v[2] = changed(g, u.z, before.z, 2, particles, p, s, out)
+                v[2] = transferred_component(g, u.z, before.z, 2, particles, p, s, out)
             out.v[p] = v
 
     name = f"to_particles_{transfer}{'_thin' * thin}_{dim}d_{types(real).name}"
-    return wp.kernel(to_particles, name=name, module=module, enable_backward=False)
+    return wp.kernel(grid_to_particle, name=name, module=module, enable_backward=False)

@@ -17,17 +17,17 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables
-from wsim.kernels.particles.surface import near
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.particles.sort import particle_structs
+from wsim.kernels.particles.surface import surface_functions
+from wsim.kernels.solver.pcg import block_sum
 
 AMOUNT, PLACES, OF_PARTICLES = 0, 1, 2            # volumes [cells]: of liquid, outside of obstacles, of particles at rest
 
 
 @wp.func
-def cut(x: wp.float64, y: wp.float64, z: wp.float64, t: wp.float64):
+def plane_cut_volume(x: wp.float64, y: wp.float64, z: wp.float64, t: wp.float64):
     """Part of a unit cube with n.r < t, r from the corner where that is least; n >= 0, its components x, y, z sum to 1."""
     a = wp.min(x, wp.min(y, z))
     c = wp.max(x, wp.max(y, z))
@@ -50,17 +50,17 @@ def cut(x: wp.float64, y: wp.float64, z: wp.float64, t: wp.float64):
 
 
 @cache
-def open_part(dim: int, real):
+def open_fraction(dim: int, real):
     """Function (dx, shape, solid, i) -> part of cell i outside of obstacles, of distances [m] at nodes of shape `shape`."""
 
     @wp.func
-    def open_part(dx: real, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
+    def open_cell_part(dx: real, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
         mean = wp.float64(0.0)
         slope = wp.vec3d()
         corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
         for m in range(corners):
             at = wp.vec3i(m % 2, (m // 2) % 2, m // 4)
-            q = wp.float64(solid[flat(i + at, shape)])
+            q = wp.float64(solid[flat_cell_index(i + at, shape)])
             mean += q
             for b in range(wp.static(dim)):
                 slope[b] = slope[b] + wp.float64(2 * at[b] - 1) * q
@@ -69,22 +69,23 @@ def open_part(dim: int, real):
         size = n[0] + n[1] + n[2]                              # most of the distances' difference across the cell
         part = wp.where(mean > wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
         if wp.abs(mean) < wp.float64(0.5) * size:
-            part = cut(n[0] / size, n[1] / size, n[2] / size, wp.float64(0.5) + mean / size)
+            part = plane_cut_volume(n[0] / size, n[1] / size, n[2] / size, wp.float64(0.5) + mean / size)
         return part
 
-    return open_part
+    return open_cell_part
 
 
 @cache
-def volume(dim: int, obstacles: bool, thin: bool, real, module):
+def liquid_volume_kernel(dim: int, obstacles: bool, thin: bool, real, module):
     """Kernel over blocks of threads: parts of (AMOUNT, PLACES, OF_PARTICLES). rest: particles of a full cell. Of cells that a
     thin wall parts the particles count."""
-    S, T, f, at, part_of = structs(real), tables(real), functions(dim, real), near(dim, real), open_part(dim, real)
+    S, T, f, at, part_of = (grid_structs(real), particle_structs(real), grid_functions(dim, real), surface_functions(dim, real),
+                            open_fraction(dim, real))
 
     @wp.func
-    def inside(g: S.Grid, fill: wp.array(dtype=real), open: S.Faces, i: wp.vec3i):
+    def surrounded_by_liquid(g: S.Grid, fill: wp.array(dtype=real), open: S.Faces, i: wp.vec3i):
         """Whether a cell and all beside it are liquid."""
-        found = fill[flat(i, g.n)] > real(0.5)
+        found = fill[flat_cell_index(i, g.n)] > real(0.5)
         around = int(wp.static(2 * dim))
         for m in range(around):
             a = m // 2
@@ -93,12 +94,12 @@ def volume(dim: int, obstacles: bool, thin: bool, real, module):
                 o = real(1.0)
                 if wp.static(obstacles):
                     o = at.opening(g, open, i, a, m % 2)
-                if o > real(0.0) and fill[flat(n, g.n)] <= real(0.5):
+                if o > real(0.0) and fill[flat_cell_index(n, g.n)] <= real(0.5):
                     found = bool(False)
         return found
 
-    def volume(g: S.Grid, fill: wp.array(dtype=real), shape: wp.vec3i, solid: wp.array(dtype=real), open: S.Faces,
-               cells: T.Cells, rest: real, part_out: wp.array(dtype=wp.vec3d)):
+    def liquid_volume_parts(g: S.Grid, fill: wp.array(dtype=real), shape: wp.vec3i, solid: wp.array(dtype=real), open: S.Faces,
+                            cells: T.Cells, rest: real, part_out: wp.array(dtype=wp.vec3d)):
         liquid = wp.float64(0.0)
         places = wp.float64(0.0)
         particles = wp.float64(0.0)
@@ -108,7 +109,7 @@ def volume(dim: int, obstacles: bool, thin: bool, real, module):
             if wp.static(obstacles):
                 o = part_of(g.dx, shape, solid, i)
             full = wp.float64(wp.clamp(fill[c], real(0.0), real(1.0)))
-            if inside(g, fill, open, i):
+            if surrounded_by_liquid(g, fill, open, i):
                 full = wp.float64(1.0)
             if wp.static(thin):
                 near = cells.clear[c]
@@ -117,20 +118,20 @@ def volume(dim: int, obstacles: bool, thin: bool, real, module):
             liquid += o * full
             places += o
             particles += wp.float64(cells.first[c + 1] - cells.first[c])
-        sums = wp.vec3d(total(liquid), total(places), total(particles) / wp.float64(rest))
+        sums = wp.vec3d(block_sum(liquid), block_sum(places), block_sum(particles) / wp.float64(rest))
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = sums
 
-    return wp.kernel(volume, name=f"particles_volume{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}", module=module,
-                     enable_backward=False, grid_stride=False)
+    return wp.kernel(liquid_volume_parts, name=f"particles_volume{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}",
+                     module=module, enable_backward=False, grid_stride=False)
 
 
 @cache
-def volumes(real, module):
+def liquid_volume_sum_kernel(real, module):
     """Kernel over one block of threads: the sums of the parts; words of a frame (tell_out): volume of liquid and of particles
     [cells / 8, rounded]."""
 
-    def volumes(part: wp.array(dtype=wp.vec3d), whole_out: wp.array(dtype=wp.vec3d), tell_out: wp.array(dtype=int)):
+    def sum_liquid_volumes(part: wp.array(dtype=wp.vec3d), whole_out: wp.array(dtype=wp.vec3d), tell_out: wp.array(dtype=int)):
         x = wp.float64(0.0)
         y = wp.float64(0.0)
         z = wp.float64(0.0)
@@ -139,13 +140,13 @@ def volumes(real, module):
             x += p[0]
             y += p[1]
             z += p[2]
-        x = total(x)
-        y = total(y)
-        z = total(z)
+        x = block_sum(x)
+        y = block_sum(y)
+        z = block_sum(z)
         if wp.tid() == 0:
             whole_out[0] = wp.vec3d(x, y, z)
             tell_out[0] = int(wp.rint(wp.float64(8.0) * x))
             tell_out[1] = int(wp.rint(wp.float64(8.0) * z))
 
-    return wp.kernel(volumes, name=f"particles_volumes_{types(real).name}", module=module, enable_backward=False,
+    return wp.kernel(sum_liquid_volumes, name=f"particles_volumes_{types(real).name}", module=module, enable_backward=False,
                      grid_stride=False)

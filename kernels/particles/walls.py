@@ -1,7 +1,8 @@
 """Walls that are thinner than the grid can tell, in a liquid: of both their sides no face and no particle knows the other.
 
-    between     a wall stands between two places: the segment from one to the other meets it (kernels/collider/segment.py)
-    face        closed where a wall stands between the centres of its two cells; a path from cell to cell that avoids all
+    between     a wall stands between two places: the segment from one to the other meets it
+    (kernels/contact/collider/segment.py) face        closed where a wall stands between the centres of its two cells; a path
+    from cell to cell that avoids all
                 closed faces never comes through a wall, however thin it is and however it lies
     cut         bits of a face: a wall stands between it and the next one along an axis, so that no velocity is extended there
     part        of the hat about a cell's centre, on this side of the walls: the product over the walls about it of
@@ -19,10 +20,10 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.fluid import shapes as moved
-from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables, where
-from wsim.kernels.particles.transfers import stencils
+from wsim.kernels.particles.sort import particle_cell_function, particle_structs
+from wsim.kernels.particles.transfers import transfer_stencils
 
 FAR = 4.0                # cells: distances are told up to there
 REACH = 2.7              # cells from the centre of a particle's cell to the furthest row about it
@@ -33,12 +34,13 @@ LEAST = 0.1              # of a hat, as in fill.py
 
 
 @cache
-def clearance(dim: int, kinds: tuple[str, ...], real, module):
+def wall_clearance_kernel(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over cells: clear_out, distance [m] of a cell's centre to the nearest shape and to the nearest thin wall, less the
     way that these go in the step; FAR cells at most."""
-    t, G, S, f, s = types(real), structs(real), moved.structs(real), functions(dim, real), moved.functions(dim, kinds, real)
+    t, G, S, f, s = (types(real), grid_structs(real), moved.fluid_shape_structs(real), grid_functions(dim, real),
+                     moved.shape_queries(dim, kinds, real))
 
-    def clearance(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear_out: wp.array(dtype=t.vec2)):
+    def wall_clearance(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear_out: wp.array(dtype=t.vec2)):
         c = wp.tid()
         i = f.place(c, g.n)
         y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1))
@@ -51,37 +53,37 @@ def clearance(dim: int, kinds: tuple[str, ...], real, module):
                 found[1] = wp.min(found[1], d)
         clear_out[c] = found
 
-    return wp.kernel(clearance, name=f"walls_clear_{s.name}", module=module, enable_backward=False)
+    return wp.kernel(wall_clearance, name=f"walls_clear_{s.name}", module=module, enable_backward=False)
 
 
 @cache
-def hidden(dim: int, kinds: tuple[str, ...], real):
+def hidden_wall_function(dim: int, kinds: tuple[str, ...], real):
     """Function (shapes, a, b, time) -> whether a thin wall stands between places a and b [cells], or touches one."""
-    t, S, s = types(real), moved.structs(real), moved.functions(dim, kinds, real)
+    t, S, s = types(real), moved.fluid_shape_structs(real), moved.shape_queries(dim, kinds, real)
 
     @wp.func(inline=False)
-    def hidden(shapes: S.Shapes, a: t.vec3, b: t.vec3, time: real):
+    def hidden_by_wall(shapes: S.Shapes, a: t.vec3, b: t.vec3, time: real):
         found = bool(False)
         for k in range(shapes.of.kind.shape[0]):
             if shapes.thin[k] != 0 and not found:
                 found = s.between(shapes.of, k, s.spot(shapes, a), time, s.spot(shapes, b), time, -real(SLACK) * shapes.dx)
         return found
 
-    return hidden
+    return hidden_by_wall
 
 
 @cache
-def shut(dim: int, kinds: tuple[str, ...], real, module):
+def wall_closure_kernel(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over the faces of an axis: open_out 0 of those that a wall closes, and cut_out."""
-    t, G, S, f = types(real), structs(real), moved.structs(real), functions(dim, real)
-    behind = hidden(dim, kinds, real)
+    t, G, S, f = types(real), grid_structs(real), moved.fluid_shape_structs(real), grid_functions(dim, real)
+    behind = hidden_wall_function(dim, kinds, real)
 
-    def shut(g: G.Grid, axis: int, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
-             open_out: wp.array(dtype=real), cut_out: wp.array(dtype=int)):
+    def close_wall_faces(g: G.Grid, axis: int, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+                         open_out: wp.array(dtype=real), cut_out: wp.array(dtype=int)):
         c = wp.tid()
         i = f.place(c, f.faces(g, axis))
         j = wp.vec3i(wp.min(i[0], g.n[0] - 1), wp.min(i[1], g.n[1] - 1), wp.min(i[2], g.n[2] - 1))
-        near = clear[flat(j, g.n)]
+        near = clear[flat_cell_index(j, g.n)]
         bits = int(0)
         if near[1] < real(REACH) * g.dx:
             at = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(axis)
@@ -98,17 +100,19 @@ def shut(dim: int, kinds: tuple[str, ...], real, module):
                     bits = bits | (1 << b)
         cut_out[c] = bits
 
-    return wp.kernel(shut, name=f"walls_shut_{dim}d_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(close_wall_faces, name=f"walls_shut_{dim}d_{'_'.join(kinds)}_{t.name}", module=module,
+                     enable_backward=False)
 
 
 @cache
-def share(dim: int, kinds: tuple[str, ...], real, module):
+def hat_share_kernel(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over cells: part_out of the hat about a centre that no wall hides."""
-    t, G, S, f, s = types(real), structs(real), moved.structs(real), functions(dim, real), moved.functions(dim, kinds, real)
+    t, G, S, f, s = (types(real), grid_structs(real), moved.fluid_shape_structs(real), grid_functions(dim, real),
+                     moved.shape_queries(dim, kinds, real))
     planes = wp.types.matrix((6, 4), real)
 
     @wp.func(inline=False)
-    def met(shapes: S.Shapes, x: t.vec3, way: t.vec3, time: real):
+    def ray_wall_plane(shapes: S.Shapes, x: t.vec3, way: t.vec3, time: real):
         """Distance [cells] of the plane that a ray meets, and its normal."""
         least = real(2.0)
         n = t.vec3()
@@ -125,8 +129,8 @@ def share(dim: int, kinds: tuple[str, ...], real, module):
             d = least * wp.abs(wp.dot(z - y, n)) / shapes.dx
         return d, n
 
-    def share(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
-              part_out: wp.array(dtype=real)):
+    def unhidden_hat_share(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+                           part_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         part = real(1.0)
@@ -139,7 +143,7 @@ def share(dim: int, kinds: tuple[str, ...], real, module):
             for m in range(rays):
                 way = t.vec3()
                 way[m // 2] = real(RAY) * real(2 * (m % 2) - 1)
-                d, n = met(shapes, x, way, clock[0] + clock[1])
+                d, n = ray_wall_plane(shapes, x, way, clock[0] + clock[1])
                 row = int(-1)
                 for j in range(count):
                     if known[j, 0] * n[0] + known[j, 1] * n[1] + known[j, 2] * n[2] > real(SAME):
@@ -158,17 +162,18 @@ def share(dim: int, kinds: tuple[str, ...], real, module):
                 part *= real(0.5) + d - real(0.5) * d * d
         part_out[c] = wp.max(part, real(LEAST))
 
-    return wp.kernel(share, name=f"walls_share_{s.name}", module=module, enable_backward=False)
+    return wp.kernel(unhidden_hat_share, name=f"walls_share_{s.name}", module=module, enable_backward=False)
 
 
 @cache
-def see(dim: int, kinds: tuple[str, ...], real, module):
+def particle_view_kernel(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over rows: seen_out of each particle."""
-    t, G, S, T = types(real), structs(real), moved.structs(real), tables(real)
-    f, r, cell, s = functions(dim, real), stencils(dim, real), where(dim, real), moved.functions(dim, kinds, real)
+    t, G, S, T = types(real), grid_structs(real), moved.fluid_shape_structs(real), particle_structs(real)
+    f, r, cell, s = (grid_functions(dim, real), transfer_stencils(dim, real), particle_cell_function(dim, real),
+                     moved.shape_queries(dim, kinds, real))
 
     @wp.func
-    def hides(g: G.Grid, shapes: S.Shapes, k: int, x: t.vec3, start: real, end: real):
+    def bits_hidden_by_wall(g: G.Grid, shapes: S.Shapes, k: int, x: t.vec3, start: real, end: real):
         """Bits of the rows about x [m] that wall k hides; a row on its surface is seen."""
         bits = int(0)
         y = s.spot(shapes, x / g.dx)
@@ -188,17 +193,18 @@ def see(dim: int, kinds: tuple[str, ...], real, module):
                         bits = bits | (1 << ((e + 1) * corners + m))
         return bits
 
-    def see(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2), particles: T.Particles,
-            seen_out: wp.array(dtype=int)):
+    def find_visible_rows(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+                          particles: T.Particles, seen_out: wp.array(dtype=int)):
         p = wp.tid()
         bits = int(-1)
         if particles.id[p] >= 0:
             x = particles.x[p]
-            near = clear[flat(cell(g, x), g.n)]
+            near = clear[flat_cell_index(cell(g, x), g.n)]
             if near[1] < real(REACH) * g.dx:
                 for k in range(shapes.of.kind.shape[0]):
                     if shapes.thin[k] != 0:
-                        bits = bits & ~hides(g, shapes, k, x, clock[1], clock[0] + clock[1])
+                        bits = bits & ~bits_hidden_by_wall(g, shapes, k, x, clock[1], clock[0] + clock[1])
         seen_out[p] = bits
 
-    return wp.kernel(see, name=f"walls_see_{dim}d_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(find_visible_rows, name=f"walls_see_{dim}d_{'_'.join(kinds)}_{t.name}", module=module,
+                     enable_backward=False)

@@ -4,7 +4,7 @@ import warp as wp
 
 
 @wp.kernel(module="wsim_picture_distance")
-def nearest(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), most: wp.float32, out: wp.array(dtype=wp.float32)):
+def measure_mesh_distance(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), most: wp.float32, out: wp.array(dtype=wp.float32)):
     """out: distance [unit of the mesh] up to `most`, which stands for everything farther."""
     i = wp.tid()
     p = points[i]

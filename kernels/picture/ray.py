@@ -11,7 +11,7 @@ factor pi is in the lights):
 The image is traced at twice the width and height, one sample of V and one of the integral a pixel: pixel (x, y)
 takes sample (x mod 8) + 8 (y mod 8), scrambled, of a 64-point Hammersley set. Three passes of the weights 1 2 1 at
 steps 1, 2, 4 (the a-trous wavelet, Dammertz et al. 2010) give each of the 64 samples the same weight where normals and
-plane agree, so that noise leaves without blurring edges. `develop` shades, maps tones and averages 2 x 2.
+plane agree, so that noise leaves without blurring edges. `develop_image` shades, maps tones and averages 2 x 2.
 
 Lengths are relative to the scene's size (the caller scales), colours linear, float32 only: a picture needs no more.
 """
@@ -30,7 +30,7 @@ OFF_PLANE = wp.constant(0.02)     # neighbours this far from the tangent plane, 
 
 
 @wp.struct
-class Surfaces:
+class RayScene:
     mesh: wp.uint64                          # all triangles of the scene
     normal_of: wp.array(dtype=wp.vec3i)      # normal of each corner, (triangles,)
     color_of: wp.array(dtype=wp.vec3i)       # colour of each corner, (triangles,)
@@ -39,7 +39,7 @@ class Surfaces:
 
 
 @wp.struct
-class View:
+class CameraView:
     eye: wp.vec3
     right: wp.vec3       # times the tangent of half the horizontal angle
     above: wp.vec3       # times the tangent of half the vertical angle
@@ -58,7 +58,7 @@ class View:
 
 
 @wp.struct
-class Samples:
+class PixelSamples:
     what: wp.array2d(dtype=wp.int32)         # BACKDROP, GROUND or SURFACE
     place: wp.array2d(dtype=wp.vec3)         # hit point
     normal: wp.array2d(dtype=wp.vec3)        # unit, towards the eye
@@ -66,14 +66,14 @@ class Samples:
 
 
 @wp.func
-def sky(view: View, w: wp.vec3):
+def sky_radiance(view: CameraView, w: wp.vec3):
     """Radiance of the sky (or of the bright floor) in direction w."""
     s = wp.dot(w, view.up)
     return wp.lerp(view.horizon, view.zenith, wp.sqrt(wp.max(s, 0.0))) * wp.where(s < 0.0, 0.55, 1.0)
 
 
 @wp.func
-def frame(n: wp.vec3):
+def frame_about_normal(n: wp.vec3):
     """Rotation matrix whose third column is the unit vector n (Duff et al. 2017)."""
     s = wp.where(n[2] < 0.0, -1.0, 1.0)
     a = -1.0 / (s + n[2])
@@ -83,7 +83,7 @@ def frame(n: wp.vec3):
 
 
 @wp.func
-def hammersley(i: int):
+def hammersley_point(i: int):
     """Point i of 64 in the unit square: (i / 64, i with its six bits reversed / 64), in the middle of its cell."""
     j = ((i & 1) << 5) | ((i & 2) << 3) | ((i & 4) << 1) | ((i & 8) >> 1) | ((i & 16) >> 3) | ((i & 32) >> 5)
     return wp.vec2((float(i) + 0.5) / 64.0, (float(j) + 0.5) / 64.0)
@@ -97,7 +97,7 @@ def corner_mean(of: wp.array(dtype=wp.vec3i), values: wp.array(dtype=wp.vec3), f
 
 
 @wp.func
-def pixel_ray(view: View, y: int, x: int, height: int, width: int):
+def pixel_ray(view: CameraView, y: int, x: int, height: int, width: int):
     """Unit direction through the middle of a pixel; row 0 is the top."""
     a = 2.0 * (float(x) + 0.5) / float(width) - 1.0
     b = 1.0 - 2.0 * (float(y) + 0.5) / float(height)
@@ -105,26 +105,26 @@ def pixel_ray(view: View, y: int, x: int, height: int, width: int):
 
 
 @wp.func
-def incoming(surfaces: Surfaces, view: View, p: wp.vec3, n: wp.vec3, i: int):
+def sample_incoming_light(surfaces: RayScene, view: CameraView, p: wp.vec3, n: wp.vec3, i: int):
     """One sample of the light at p: (V, sky integral as a colour)."""
-    u = hammersley(i)
+    u = hammersley_point(i)
     r = wp.sqrt(u[0])
     phi = 6.2831853 * u[1]
     disc = wp.vec3(r * wp.cos(phi), r * wp.sin(phi), 0.0)
     visible = wp.float32(0.0)
-    toward = wp.normalize(view.light + view.spread * (frame(view.light) * disc))
+    toward = wp.normalize(view.light + view.spread * (frame_about_normal(view.light) * disc))
     if wp.dot(toward, n) > 0.0 and not wp.mesh_query_ray_anyhit(surfaces.mesh, p, toward, FAR):
         visible = 1.0
-    w = frame(n) * wp.vec3(disc[0], disc[1], wp.sqrt(wp.max(0.0, 1.0 - u[0])))
+    w = frame_about_normal(n) * wp.vec3(disc[0], disc[1], wp.sqrt(wp.max(0.0, 1.0 - u[0])))
     hit = wp.mesh_query_ray(surfaces.mesh, p, w, FAR)
-    S = sky(view, w)
+    S = sky_radiance(view, w)
     if hit.result:
         S = BOUNCE * surfaces.colors[surfaces.color_of[hit.face][0]]
     return wp.vec4(visible, S[0], S[1], S[2])
 
 
 @wp.kernel
-def trace(surfaces: Surfaces, view: View, samples: Samples, light: wp.array2d(dtype=wp.vec4)):
+def trace_primary_rays(surfaces: RayScene, view: CameraView, samples: PixelSamples, light: wp.array2d(dtype=wp.vec4)):
     """What each pixel sees, and one sample of the light there."""
     y, x = wp.tid()
     d = pixel_ray(view, y, x, light.shape[0], light.shape[1])
@@ -153,12 +153,12 @@ def trace(surfaces: Surfaces, view: View, samples: Samples, light: wp.array2d(dt
     samples.place[y, x] = p
     samples.normal[y, x] = n
     if what != BACKDROP:
-        light[y, x] = incoming(surfaces, view, p, n, i)
+        light[y, x] = sample_incoming_light(surfaces, view, p, n, i)
 
 
 @wp.kernel
-def smooth(samples: Samples, view: View, step: int, light: wp.array2d(dtype=wp.vec4),
-           light_out: wp.array2d(dtype=wp.vec4)):
+def smooth_light(samples: PixelSamples, view: CameraView, step: int, light: wp.array2d(dtype=wp.vec4),
+                 light_out: wp.array2d(dtype=wp.vec4)):
     """Weights 1 2 1 in both directions at `step` pixels, among neighbours on the same surface."""
     y, x = wp.tid()
     what = samples.what[y, x]
@@ -187,13 +187,13 @@ def smooth(samples: Samples, view: View, step: int, light: wp.array2d(dtype=wp.v
 
 
 @wp.func
-def shade(view: View, n: wp.vec3, E: wp.vec4):
+def diffuse_radiance(view: CameraView, n: wp.vec3, E: wp.vec4):
     """Light that a white surface of normal n sends out."""
     return view.key * (E[0] * wp.max(wp.dot(n, view.light), 0.0)) + wp.vec3(E[1], E[2], E[3])
 
 
 @wp.func
-def tone(c: float):
+def tone_curve(c: float):
     """Linear up to 0.7, then a shoulder that reaches 1 at infinity."""
     if c <= 0.7:
         return c
@@ -201,7 +201,7 @@ def tone(c: float):
 
 
 @wp.func
-def encode(c: float):
+def encode_srgb(c: float):
     """Linear to sRGB byte (IEC 61966-2-1)."""
     c = wp.clamp(c, 0.0, 1.0)
     s = wp.where(c <= 0.0031308, 12.92 * c, 1.055 * wp.pow(c, 1.0 / 2.4) - 0.055)
@@ -209,7 +209,7 @@ def encode(c: float):
 
 
 @wp.func
-def tile_shade(view: View, p: wp.vec3, d: wp.vec3, height: int):
+def tile_shade(view: CameraView, p: wp.vec3, d: wp.vec3, height: int):
     """Share of light of a floor in squares, every second of which is darker, at a place p seen along d. Squares fade out where
     a pixel covers half of one."""
     if view.tile <= 0.0:
@@ -221,7 +221,7 @@ def tile_shade(view: View, p: wp.vec3, d: wp.vec3, height: int):
 
 
 @wp.func
-def radiance(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), y: int, x: int):
+def pixel_radiance(samples: PixelSamples, view: CameraView, light: wp.array2d(dtype=wp.vec4), y: int, x: int):
     """Linear colour of one traced pixel."""
     d = pixel_ray(view, y, x, light.shape[0], light.shape[1])
     rise = 1.0 - (float(y) + 0.5) / float(light.shape[0])
@@ -229,28 +229,28 @@ def radiance(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), y: 
     what = samples.what[y, x]
     n = samples.normal[y, x]
     if what == GROUND:                              # the backdrop, darkened by what the light has lost there
-        lit = shade(view, n, light[y, x])
-        S = 0.8 * view.zenith + 0.2 * view.horizon                # cosine mean of `sky` over a free hemisphere
-        free = shade(view, n, wp.vec4(1.0, S[0], S[1], S[2]))
+        lit = diffuse_radiance(view, n, light[y, x])
+        S = 0.8 * view.zenith + 0.2 * view.horizon                # cosine mean of `sky_radiance` over a free hemisphere
+        free = diffuse_radiance(view, n, wp.vec4(1.0, S[0], S[1], S[2]))
         c = tile_shade(view, samples.place[y, x], d, light.shape[0]) * wp.cw_mul(c, wp.min(wp.cw_div(lit, free), wp.vec3(1.0)))
     if what == SURFACE:
-        c = wp.cw_mul(samples.albedo[y, x], shade(view, n, light[y, x]))
+        c = wp.cw_mul(samples.albedo[y, x], diffuse_radiance(view, n, light[y, x]))
         rim = 1.0 - wp.max(-wp.dot(n, d), 0.0)      # a little sheen at grazing angles
         c += (0.06 * rim * rim * rim) * wp.vec3(light[y, x][1], light[y, x][2], light[y, x][3])
     return c
 
 
 @wp.func
-def toned(c: wp.vec3):
-    return wp.vec3(tone(c[0]), tone(c[1]), tone(c[2]))
+def tone_map_color(c: wp.vec3):
+    return wp.vec3(tone_curve(c[0]), tone_curve(c[1]), tone_curve(c[2]))
 
 
 @wp.kernel
-def develop(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), image: wp.array3d(dtype=wp.uint8)):
+def develop_image(samples: PixelSamples, view: CameraView, light: wp.array2d(dtype=wp.vec4), image: wp.array3d(dtype=wp.uint8)):
     """Image of half the size: mean of 2 x 2 traced pixels, sRGB."""
     y, x = wp.tid()
     c = wp.vec3(0.0)
     for k in range(4):
-        c += 0.25 * toned(radiance(samples, view, light, 2 * y + k // 2, 2 * x + k % 2))
+        c += 0.25 * tone_map_color(pixel_radiance(samples, view, light, 2 * y + k // 2, 2 * x + k % 2))
     for k in range(3):
-        image[y, x, k] = encode(c[k])
+        image[y, x, k] = encode_srgb(c[k])

@@ -26,7 +26,7 @@ OPAQUE = wp.constant(2.0e-3)      # transmittance from which on nothing behind i
 
 
 @wp.struct
-class Medium:
+class SmokeMedium:
     density: wp.array3d(dtype=float)     # of each voxel
     lit: wp.array3d(dtype=float)         # V at each block
     block: int                           # voxels along an edge of a block
@@ -39,7 +39,7 @@ class Medium:
 
 
 @wp.func
-def value(field: wp.array3d(dtype=float), q: wp.vec3):
+def trilinear_density(field: wp.array3d(dtype=float), q: wp.vec3):
     """Trilinear value at an index, 0 outside."""
     x = int(wp.floor(q[0]))
     y = int(wp.floor(q[1]))
@@ -59,16 +59,16 @@ def value(field: wp.array3d(dtype=float), q: wp.vec3):
 
 
 @wp.func
-def lit_at(medium: Medium, q: wp.vec3):
+def lit_at(medium: SmokeMedium, q: wp.vec3):
     """V at an index of the density, beyond the middles of the outer blocks that of those."""
     p = (q + wp.vec3(0.5, 0.5, 0.5)) / float(medium.block) - wp.vec3(0.5, 0.5, 0.5)
     for a in range(3):
         p[a] = wp.clamp(p[a], 0.0, float(medium.lit.shape[a]) - 1.0)
-    return value(medium.lit, p)
+    return trilinear_density(medium.lit, p)
 
 
 @wp.func
-def span(medium: Medium, q: wp.vec3, d: wp.vec3, end: float):
+def ray_box_interval(medium: SmokeMedium, q: wp.vec3, d: wp.vec3, end: float):
     """Where a ray q + t d, 0 < t < end, is within the box of what is not 0: (first t, last t); last < first: nowhere."""
     low = wp.float32(0.0)
     high = end
@@ -86,29 +86,29 @@ def span(medium: Medium, q: wp.vec3, d: wp.vec3, end: float):
 
 
 @wp.func
-def pieces(medium: Medium, reach: wp.vec2, d: wp.vec3):
+def ray_piece_count(medium: SmokeMedium, reach: wp.vec2, d: wp.vec3):
     """Number of equal pieces of a block at most."""
     return int(wp.ceil((reach[1] - reach[0]) * wp.length(d) / float(medium.block)))
 
 
 @wp.func
-def transmitted(medium: Medium, p: wp.vec3, toward: wp.vec3):
+def transmittance_toward(medium: SmokeMedium, p: wp.vec3, toward: wp.vec3):
     """exp(- integral k rho) from a place on in a direction."""
     q = medium.turn * p + medium.shift
     d = medium.turn * toward
-    reach = span(medium, q, d, ray.FAR)
+    reach = ray_box_interval(medium, q, d, ray.FAR)
     if reach[1] <= reach[0]:
         return 1.0
-    n = pieces(medium, reach, d)
+    n = ray_piece_count(medium, reach, d)
     step = (reach[1] - reach[0]) / float(n)
     total = wp.float32(0.0)
     for k in range(n):
-        total += value(medium.density, q + (reach[0] + (float(k) + 0.5) * step) * d)
+        total += trilinear_density(medium.density, q + (reach[0] + (float(k) + 0.5) * step) * d)
     return wp.exp(-medium.extinction * step * total)
 
 
 @wp.kernel
-def light_smoke(medium: Medium, surfaces: ray.Surfaces, view: ray.View, lit: wp.array3d(dtype=float)):
+def light_smoke(medium: SmokeMedium, surfaces: ray.RayScene, view: ray.CameraView, lit: wp.array3d(dtype=float)):
     """V of each block that has smoke in it or beside it."""
     i, j, k = wp.tid()
     b = medium.block
@@ -121,25 +121,25 @@ def light_smoke(medium: Medium, surfaces: ray.Surfaces, view: ray.View, lit: wp.
     if near > 0.0:
         middle = float(b) * wp.vec3(float(i) + 0.5, float(j) + 0.5, float(k) + 0.5) - wp.vec3(0.5, 0.5, 0.5)
         p = medium.back * middle + medium.corner
-        V = transmitted(medium, p, view.light)
+        V = transmittance_toward(medium, p, view.light)
         if wp.mesh_query_ray_anyhit(surfaces.mesh, p, view.light, ray.FAR):
             V = 0.0
     lit[i, j, k] = V
 
 
 @wp.kernel
-def shade_surfaces(medium: Medium, view: ray.View, samples: ray.Samples, light: wp.array2d(dtype=wp.vec4),
+def shade_surfaces(medium: SmokeMedium, view: ray.CameraView, samples: ray.PixelSamples, light: wp.array2d(dtype=wp.vec4),
                    light_out: wp.array2d(dtype=wp.vec4)):
     """The key light that smoke leaves at what each pixel sees."""
     y, x = wp.tid()
     E = light[y, x]
     if samples.what[y, x] != ray.BACKDROP and E[0] > 0.0:
-        E = wp.vec4(E[0] * transmitted(medium, samples.place[y, x], view.light), E[1], E[2], E[3])
+        E = wp.vec4(E[0] * transmittance_toward(medium, samples.place[y, x], view.light), E[1], E[2], E[3])
     light_out[y, x] = E
 
 
 @wp.kernel
-def march_smoke(medium: Medium, view: ray.View, samples: ray.Samples, behind: wp.array2d(dtype=wp.vec4),
+def march_smoke(medium: SmokeMedium, view: ray.CameraView, samples: ray.PixelSamples, behind: wp.array2d(dtype=wp.vec4),
                 seen: wp.array2d(dtype=wp.vec4)):
     """(L, T) of each pixel, of this medium and what is behind it."""
     y, x = wp.tid()
@@ -149,17 +149,17 @@ def march_smoke(medium: Medium, view: ray.View, samples: ray.Samples, behind: wp
         end = wp.length(samples.place[y, x] - view.eye)
     q = medium.turn * view.eye + medium.shift
     dq = medium.turn * d
-    reach = span(medium, q, dq, end)
+    reach = ray_box_interval(medium, q, dq, end)
     L = wp.vec3(0.0)
     T = wp.float32(1.0)
     if reach[1] > reach[0]:
-        n = 2 * pieces(medium, reach, dq)
+        n = 2 * ray_piece_count(medium, reach, dq)
         step = (reach[1] - reach[0]) / float(n)
         S = 0.8 * view.zenith + 0.2 * view.horizon
         k = int(0)
         while k < n and T > OPAQUE:
             at = q + (reach[0] + (float(k) + 0.5) * step) * dq
-            rho = value(medium.density, at)
+            rho = trilinear_density(medium.density, at)
             if rho > 0.0:
                 V = lit_at(medium, at)
                 left = wp.exp(-medium.extinction * rho * step)
@@ -171,15 +171,15 @@ def march_smoke(medium: Medium, view: ray.View, samples: ray.Samples, behind: wp
 
 
 @wp.kernel
-def develop_smoke(samples: ray.Samples, view: ray.View, light: wp.array2d(dtype=wp.vec4), smoke: wp.array2d(dtype=wp.vec4),
-                  image: wp.array3d(dtype=wp.uint8)):
-    """As `ray.develop`, seen through smoke."""
+def develop_smoke(samples: ray.PixelSamples, view: ray.CameraView, light: wp.array2d(dtype=wp.vec4),
+                  smoke: wp.array2d(dtype=wp.vec4), image: wp.array3d(dtype=wp.uint8)):
+    """As `ray.develop_image`, seen through smoke."""
     y, x = wp.tid()
     c = wp.vec3(0.0)
     for k in range(4):
         v = 2 * y + k // 2
         u = 2 * x + k % 2
         s = smoke[v, u]
-        c += 0.25 * ray.toned(s[3] * ray.radiance(samples, view, light, v, u) + wp.vec3(s[0], s[1], s[2]))
+        c += 0.25 * ray.tone_map_color(s[3] * ray.pixel_radiance(samples, view, light, v, u) + wp.vec3(s[0], s[1], s[2]))
     for k in range(3):
-        image[y, x, k] = ray.encode(c[k])
+        image[y, x, k] = ray.encode_srgb(c[k])

@@ -19,18 +19,18 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.point_energy import bounded, motions
+from wsim.kernels.math.point_energy import bounded_work, point_motion_type
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import conjugate, normalized, rotate
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.math.rotation import conjugate_rotation, rotate_vector, unit_quaternion
+from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.steps import functions
+from wsim.kernels.rigid.joint.steps import joint_step_functions
 from wsim.kernels.rigid.joint.tables import LOCKED, NONE
-from wsim.kernels.rigid.lists.renewal import meeting
-from wsim.kernels.rigid.lists.rows import posing
-from wsim.kernels.rigid.motion import double, structs
-from wsim.kernels.rigid.narrow.rolling import passing
-from wsim.kernels.rigid.narrow.shape import hulls
+from wsim.kernels.rigid.lists.renewal import twist_functions
+from wsim.kernels.rigid.lists.rows import posed_pair_type
+from wsim.kernels.rigid.motion import body_structs, double_quat
+from wsim.kernels.rigid.narrow.rolling import rolling_passage_func
+from wsim.kernels.rigid.narrow.shape import hull_type
 
 GAP = wp.constant(wp.float64(0.01))            # of the size of the smaller body: seen at a glance; loops leave 1e-4 at most
 ANGLE = wp.constant(wp.float64(0.02))          # [rad]
@@ -41,14 +41,14 @@ OVERLAP = wp.constant(0.05)                    # of the least width: a stack tha
 
 
 @cache
-def balance_bodies(real):
+def body_balance_kernel(real):
     """Kernel over (worlds x threads): a row of the ledger each. p_more, L_more: momenta of half a step more, or none."""
-    t, (Motions, moved) = types(real), motions(real)
-    Bodies, Moving = structs(real)
+    t, (Motions, moved) = types(real), point_motion_type(real)
+    Bodies, Moving = body_structs(real)
     vec3 = wp.array(dtype=t.vec3)
 
-    def balance_bodies(b: Bodies, now: Moving, p_more: vec3, L_more: vec3, worlds: int, at: Motions,
-                       rows: wp.array(dtype=wp.vec4d)):
+    def sum_body_balance(b: Bodies, now: Moving, p_more: vec3, L_more: vec3, worlds: int, at: Motions,
+                         rows: wp.array(dtype=wp.vec4d)):
         threads = rows.shape[0] // worlds
         world = wp.tid() // threads
         each = b.w.shape[0] // worlds
@@ -60,27 +60,28 @@ def balance_bodies(real):
             if p_more:
                 p += wp.vec3d(p_more[i])
                 L += wp.vec3d(L_more[i])
-            M = rotate(conjugate(normalized(double(now.q[i], now.o[i]))), L)
+            M = rotate_vector(conjugate_rotation(unit_quaternion(double_quat(now.q[i], now.o[i]))), L)
             K += wp.float64(0.5) * (wp.float64(b.w[i]) * wp.dot(p, p) + wp.dot(M, wp.cw_mul(wp.vec3d(b.inverse[i]), M)))
             W += wp.dot(wp.vec3d(b.push[i]), moved(at, i))
             if at.given:
-                W += bounded(at.given[i])
+                W += bounded_work(at.given[i])
                 at.given[i] = wp.float64(0.0)
         rows[wp.tid()] = wp.vec4d(K, wp.float64(0.0), wp.float64(0.0), W)
 
-    return wp.kernel(balance_bodies, name=f"balance_bodies_{t.name}", module=f"wsim_balance_bodies_{t.name}",
+    return wp.kernel(sum_body_balance, name=f"balance_bodies_{t.name}", module=f"wsim_balance_bodies_{t.name}",
                      enable_backward=False)
 
 
 @cache
-def place_joints(real):
+def joint_place_kernel(real):
     """Kernel over islands: coordinates of joints where a frame begins."""
-    (Bodies, Moving), placed = structs(real), functions(real).placed
+    (Bodies, Moving), placed = body_structs(real), joint_step_functions(real).placed
 
-    def place_joints(b: Bodies, now: Moving, J: Linked):
+    def place_all_joints(b: Bodies, now: Moving, J: Linked):
         placed(wp.tid(), 0, b, now, J)
 
-    return wp.kernel(place_joints, name="place_joints", module=f"wsim_place_joints_{types(real).name}", enable_backward=False)
+    return wp.kernel(place_all_joints, name="place_joints", module=f"wsim_place_joints_{types(real).name}",
+                     enable_backward=False)
 
 
 @wp.kernel(module="wsim_balance_drives", enable_backward=False)
@@ -94,7 +95,7 @@ def balance_drives(J: Linked, worlds: int, begins: int, rows: wp.array(dtype=wp.
     W = wp.float64(0.0)
     six = int(6)
     for j in range(world * each + wp.tid() % threads, (world + 1) * each, threads):
-        W += bounded(J.given[j])
+        W += bounded_work(J.given[j])
         J.given[j] = wp.float64(0.0)
         if J.broken[j] == 0:
             for r in range(six):
@@ -130,18 +131,18 @@ def check_joints(J: Linked, size: wp.array(dtype=wp.float64), worlds: int, word:
 
 
 @cache
-def check_overlap(real):
+def overlap_check_kernel(real):
     """Kernel over manifolds: overlap of each over what it may be. width: least width of each shape of a body [m]; inf: none."""
-    Rig, t = whole(real), types(real)
+    Rig, t = rig_type(real), types(real)
 
     @wp.func
-    def speed(f: int, rig: Rig):
+    def body_frame_speed(f: int, rig: Rig):
         v = real(0.0)
         if f < rig.b.w.shape[0]:
             v = rig.b.w[f] * wp.length(rig.now.p[f])
         return float(v)
 
-    def check_overlap(rig: Rig, h: float, width: wp.array(dtype=float), word: wp.array(dtype=int)):
+    def measure_body_overlap(rig: Rig, h: float, width: wp.array(dtype=float), word: wp.array(dtype=int)):
         m = wp.tid()
         deep = float(0.0)
         for i in range(rig.c.count[m]):
@@ -149,30 +150,30 @@ def check_overlap(real):
         if deep > 0.0:
             a = rig.c.a[m]
             b = rig.c.b[m]
-            way = h * (speed(rig.s.frame[a], rig) + speed(rig.s.frame[b], rig))
+            way = h * (body_frame_speed(rig.s.frame[a], rig) + body_frame_speed(rig.s.frame[b], rig))
             worst = deep / (OVERLAP * wp.min(width[a], width[b]) + way)
             if worst > 1.0:
                 wp.atomic_max(word, wp.max(rig.s.world[a], rig.s.world[b]), int(1000.0 * wp.min(worst, 1.0e6)))
 
-    return wp.kernel(check_overlap, name=f"check_overlap_{t.name}", module=f"wsim_balance_bodies_{t.name}",
+    return wp.kernel(measure_body_overlap, name=f"check_overlap_{t.name}", module=f"wsim_balance_bodies_{t.name}",
                      enable_backward=False)
 
 
 @cache
-def check_rolling(real):
+def rolling_check_kernel(real):
     """Kernel over manifolds: facets or radians that pass in the last substep k, of h [s]. found: the largest of each world, in
     thousandths times 2^32, plus the index of its shape."""
-    Rig, t, Hulls = whole(real), types(real), hulls(real)
-    posed, twist, pass_by = posing(real)[1], meeting(real).twist, passing(real, MANY)
+    Rig, t, Hulls = rig_type(real), types(real), hull_type(real)
+    posed, twist, pass_by = posed_pair_type(real)[1], twist_functions(real).twist, rolling_passage_func(real, MANY)
 
     @wp.func
-    def told(shape: int, other: int, passed: real, rig: Rig, found: wp.array(dtype=wp.int64)):
+    def record_rolling_passage(shape: int, other: int, passed: real, rig: Rig, found: wp.array(dtype=wp.int64)):
         if passed > real(MANY):
             world = wp.max(rig.s.world[shape], rig.s.world[other])
             thousandths = wp.int64(wp.min(real(1000.0) * passed, real(1.0e6)))
             wp.atomic_max(found, world, (thousandths << wp.int64(32)) + wp.int64(shape))
 
-    def check_rolling(rig: Rig, H: Hulls, k: int, h: real, found: wp.array(dtype=wp.int64)):
+    def measure_body_rolling(rig: Rig, H: Hulls, k: int, h: real, found: wp.array(dtype=wp.int64)):
         m = wp.tid()
         if rig.c.a[m] >= 0 and rig.c.count[m] > 0:
             both = twist(m, k, h, rig)
@@ -184,11 +185,11 @@ def check_rolling(real):
                 p = posed(m, k, rig)
                 n = rig.c.n[m]
                 if rig.s.frame[a] < rig.b.w.shape[0] and wp.length(both.o_a) >= least:
-                    told(a, b, pass_by(p.a, H, wp.transform_get_rotation(p.pose_a), o, -n, h), rig, found)
+                    record_rolling_passage(a, b, pass_by(p.a, H, wp.transform_get_rotation(p.pose_a), o, -n, h), rig, found)
                 if rig.s.frame[b] < rig.b.w.shape[0] and wp.length(both.o_b) >= least:
-                    told(b, a, pass_by(p.b, H, wp.transform_get_rotation(p.pose_b), -o, n, h), rig, found)
+                    record_rolling_passage(b, a, pass_by(p.b, H, wp.transform_get_rotation(p.pose_b), -o, n, h), rig, found)
 
-    return wp.kernel(check_rolling, name=f"check_rolling_{t.name}", module=f"wsim_check_rolling_{t.name}",
+    return wp.kernel(measure_body_rolling, name=f"check_rolling_{t.name}", module=f"wsim_check_rolling_{t.name}",
                      enable_backward=False)
 
 

@@ -19,18 +19,18 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.motion import structs as bodies
+from wsim.kernels.rigid.motion import body_structs as bodies
 
 POINTS = wp.constant(4)
 
 
 @cache
-def structs(real):
+def rigid_contact_structs(real):
     """(Shapes, Still, Contacts, Work). Lengths in [m]."""
     t = types(real)
 
     @wp.struct
-    class Shapes:
+    class RigidShapes:
         """Of bodies and colliders, (shapes,)."""
         frame: wp.array(dtype=int)             # bodies, then colliders
         kind: wp.array(dtype=int)
@@ -40,14 +40,14 @@ def structs(real):
         ball: wp.array(dtype=real)             # radius of a ball about the shape's origin that holds it; < 0: it has no end
         skin: wp.array(dtype=real)             # radius of what is round
         core: wp.array(dtype=t.vec4)           # centre in the shape's frame and radius of a ball well inside it
-        friction: wp.array(dtype=t.vec2)       # static, dynamic; (shapes + (worlds - 1) stills,), see `surfaces`
+        friction: wp.array(dtype=t.vec2)       # static, dynamic; (shapes + (worlds - 1) stills,), see `surface_law_functions`
         restitution: wp.array(dtype=real)      # likewise
         still: int                             # first shape of a collider that stands: those are in all worlds
         world: wp.array(dtype=int)             # -1: all
         origin: wp.array(dtype=wp.vec3d)       # of the frames, (bodies + colliders,), world
 
     @wp.struct
-    class Still:
+    class RigidColliders:
         """Colliders, [row, collider]; rows are substeps where `moving`, else one."""
         moving: int
         x: wp.array2d(dtype=t.vec3)            # from the collider's origin
@@ -56,7 +56,7 @@ def structs(real):
         omega: wp.array2d(dtype=t.vec3)
 
     @wp.struct
-    class Contacts:
+    class ManifoldTable:
         """Manifolds, (room,), and points, (4 room,)."""
         a: wp.array(dtype=int)                 # shapes; -1: no manifold
         b: wp.array(dtype=int)
@@ -80,7 +80,7 @@ def structs(real):
         drift: wp.array(dtype=t.vec3)          # [m], see kernels/rigid/complementarity/drift.py
 
     @wp.struct
-    class Work:
+    class SubstepWork:
         """Of a substep: frames of all bodies (bodies + colliders,), and points."""
         g: real                                # [m/s^2], of the weight
         center: wp.array(dtype=wp.vec3d)       # of shapes, world
@@ -122,17 +122,17 @@ def structs(real):
         scrape: wp.array(dtype=t.vec3)
         residual: wp.array(dtype=real)         # (2,): now, and what was left [m/s], see kernels/rigid/complementarity
 
-    return Shapes, Still, Contacts, Work
+    return RigidShapes, RigidColliders, ManifoldTable, SubstepWork
 
 
 @cache
-def whole(real):
+def rig_type(real):
     """Struct of all that a launch needs: s, b, now, still, c, work."""
-    Shapes, Still, Contacts, Work = structs(real)
+    Shapes, Still, Contacts, Work = rigid_contact_structs(real)
     Bodies, Moving = bodies(real)
 
     @wp.struct
-    class Rig:
+    class RigidTables:
         s: Shapes
         b: Bodies
         now: Moving
@@ -140,31 +140,31 @@ def whole(real):
         c: Contacts
         work: Work
 
-    return Rig
+    return RigidTables
 
 
 @cache
-def rims(real):
+def rim_axis_functions(real):
     """Functions (axis, across) for a shape that is round about its z axis. axis(shape, R, rig): z in the world, R the rotation
     of the shape's frame; across(z, n): unit vector e from the axis along n; 0 where n is parallel to z."""
-    t, Rig = types(real), whole(real)
+    t, Rig = types(real), rig_type(real)
 
     @wp.func
-    def axis(shape: int, R: t.mat33, rig: Rig):
+    def shape_world_axis(shape: int, R: t.mat33, rig: Rig):
         return R * wp.quat_rotate(wp.transform_get_rotation(rig.s.place[shape]), t.vec3(real(0.0), real(0.0), real(1.0)))
 
     @wp.func
-    def across(z: t.vec3, n: t.vec3):
+    def unit_across_axis(z: t.vec3, n: t.vec3):
         return wp.normalize(n - wp.dot(n, z) * z)
 
-    return axis, across
+    return shape_world_axis, unit_across_axis
 
 
 @cache
-def surfaces(real):
+def surface_law_functions(real):
     """Functions of friction and restitution of a manifold m. Those of a collider that stands are in the first world's row of
     its shape, and of every further world behind all shapes."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
     def surface_row(one: int, other: int, rig: Rig):
@@ -194,12 +194,12 @@ def surfaces(real):
 
 
 @cache
-def manifolds(real):
+def manifold_count_func(real):
     """Function: how many manifolds there are in the list."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def manifolds(rig: Rig):
+    def count_listed_manifolds(rig: Rig):
         return wp.min(rig.work.listed[0], rig.c.a.shape[0])
 
-    return manifolds
+    return count_listed_manifolds

@@ -13,12 +13,12 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.complementarity.impact_time import behind
-from wsim.kernels.rigid.contact import surfaces, whole
-from wsim.kernels.rigid.impulse import formulas
-from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
+from wsim.kernels.rigid.complementarity.impact_time import impact_time_shift_func
+from wsim.kernels.rigid.contact import rig_type, surface_law_functions
+from wsim.kernels.rigid.impulse import impulse_formulas
+from wsim.kernels.rigid.kinds import ConstraintKind, at_once_func, by_colour
 from wsim.kernels.rigid.lists.core import CORE
-from wsim.kernels.rigid.soft_step import goals
+from wsim.kernels.rigid.soft_step import contact_goal_functions
 
 ROUNDS, MET = 64, 1.0e-4           # MET: part of the speed to which the sweeps go
 SWEEPS, REST = wp.constant(64), wp.constant(4.0)
@@ -26,17 +26,17 @@ STILL = wp.constant(2.5e-7)         # of the speed at which what overlaps is pus
 SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
 
 
-def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, timed: bool = False):
+def impact_func(kind: ConstraintKind, meet, real, met: float = MET, rounds: int = ROUNDS, timed: bool = False):
     """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours. met: part of
     the speed to which the sweeps of a round go. timed: they go on from the time of an impact (complementarity/impact_time.py).
     """
-    mark, strike = marks(real, met, timed)
-    after = by_colour(kind, behind(real), meet, real)
-    look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)
-    Rig, told = whole(real), telling(meet, real)
+    mark, strike = impact_mark_functions(real, met, timed)
+    after = by_colour(kind, impact_time_shift_func(real), meet, real)
+    look, sweep = at_once_func(kind, mark, real), by_colour(kind, strike, meet, real)
+    Rig, told = rig_type(real), flag_reading_func(meet, real)
 
     @wp.func
-    def impacts(i: int, threads: int, k: int, h: real, rig: Rig):
+    def resolve_impacts(i: int, threads: int, k: int, h: real, rig: Rig):
         for _round in range(int(rounds)):
             look(i, threads, k, h, 0, rig)
             if told(0, i, rig) == 0:
@@ -48,15 +48,15 @@ def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, time
             if timed:
                 after(i, threads, k, h, 0, rig)
 
-    return impacts
+    return resolve_impacts
 
 
-def telling(meet, real):
+def flag_reading_func(meet, real):
     """Function (flag, i, rig): what a thread has said since this was asked last, and then forgets."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def told(flag: int, i: int, rig: Rig):
+    def flag_was_raised(flag: int, i: int, rig: Rig):
         meet()
         said = rig.work.flags[flag]
         meet()
@@ -65,31 +65,32 @@ def telling(meet, real):
         meet()                                       # before anyone may say it again
         return said
 
-    return told
+    return flag_was_raised
 
 
 @cache
-def marks(real, met: float = MET, timed: bool = False):
+def impact_mark_functions(real, met: float = MET, timed: bool = False):
     """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
-    t, Rig, (friction_of, restitution_of) = types(real), whole(real), surfaces(real)
-    _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
-    fastest = goals(real)[1]
+    t, Rig, (friction_of, restitution_of) = types(real), rig_type(real), surface_law_functions(real)
+    _, _, begun, _, pushed, ended, slip, rubbed = impulse_formulas(real)
+    fastest = contact_goal_functions(real)[1]
 
     @wp.func
-    def pull(f: int, rig: Rig):
+    def acceleration_of_frame(f: int, rig: Rig):
         a = t.vec3()
         if f < rig.b.w.shape[0]:
             a = rig.b.w[f] * rig.b.push[f]
         return a
 
     @wp.func
-    def marked(m: int, k: int, h: real, rig: Rig):
+    def mark_impact_points(m: int, k: int, h: real, rig: Rig):
         """Whether a point of manifold m is thrown back in this round; their goals."""
         e = restitution_of(m, rig)
         some = bool(False)
         two = begun(m, k, rig)
         n = rig.c.n[m]
-        a = -wp.dot(n, pull(rig.s.frame[rig.c.a[m]], rig) - pull(rig.s.frame[rig.c.b[m]], rig))
+        a = -wp.dot(n,
+                    acceleration_of_frame(rig.s.frame[rig.c.a[m]], rig) - acceleration_of_frame(rig.s.frame[rig.c.b[m]], rig))
         for i in range(rig.c.count[m]):
             j = 4 * m + i
             rig.work.goal[j] = real(-1.0)
@@ -110,7 +111,7 @@ def marks(real, met: float = MET, timed: bool = False):
         return some
 
     @wp.func
-    def struck(m: int, k: int, rig: Rig):
+    def sweep_manifold_impact(m: int, k: int, rig: Rig):
         """One sweep over manifold m; the largest miss, as a part of the goal's own size."""
         two = begun(m, k, rig)
         n = rig.c.n[m]
@@ -134,13 +135,13 @@ def marks(real, met: float = MET, timed: bool = False):
         return miss
 
     @wp.func
-    def mark(m: int, k: int, h: real, biased: int, rig: Rig):
-        if marked(m, k, h, rig):
+    def flag_marked_impact(m: int, k: int, h: real, biased: int, rig: Rig):
+        if mark_impact_points(m, k, h, rig):
             rig.work.flags[0] = 1
 
     @wp.func
-    def strike(m: int, k: int, h: real, biased: int, rig: Rig):
-        if struck(m, k, rig) >= real(met):
+    def flag_missed_impact(m: int, k: int, h: real, biased: int, rig: Rig):
+        if sweep_manifold_impact(m, k, rig) >= real(met):
             rig.work.flags[1] = 1
 
-    return mark, strike
+    return flag_marked_impact, flag_missed_impact

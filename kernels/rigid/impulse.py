@@ -14,33 +14,33 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import rims, whole
+from wsim.kernels.rigid.contact import rig_type, rim_axis_functions
 
 
 @cache
-def tangent(real):
+def tangent_func(real):
     """Function: a unit vector across the unit vector n; the other tangent is n x t."""
     t = types(real)
 
     @wp.func
-    def tangent(n: t.vec3):
+    def unit_tangent_across(n: t.vec3):
         x = t.vec3(real(0.0), -n[2], n[1])
         if wp.abs(n[0]) > wp.abs(n[1]) and wp.abs(n[0]) > wp.abs(n[2]):
             x = t.vec3(-n[2], real(0.0), n[0])
         return wp.normalize(x)
 
-    return tangent
+    return unit_tangent_across
 
 
 @cache
-def formulas(real, held: bool = False):
+def impulse_formulas(real, held: bool = False):
     """(Two, prepare, begun, shoved, pushed, ended, slip, rubbed): functions of a manifold m. held: with drift, see
     kernels/rigid/complementarity/drift.py."""
-    t, Rig, first, (axis, across) = types(real), whole(real), tangent(real), rims(real)
+    t, Rig, first, (axis, across) = types(real), rig_type(real), tangent_func(real), rim_axis_functions(real)
     rows = wp.types.matrix((4, 3), real)
 
     @wp.struct
-    class Two:
+    class BodyPair:
         """Both bodies of a manifold (w = 0, S = 0 of a collider), their velocities, and the impulses that they have taken."""
         f: int
         g: int
@@ -57,9 +57,9 @@ def formulas(real, held: bool = False):
         T_b: t.vec3
 
     @wp.func(inline=False)
-    def bodies(m: int, rig: Rig):
+    def masses_of_pair(m: int, rig: Rig):
         n = rig.b.w.shape[0]
-        two = Two()
+        two = BodyPair()
         two.f = rig.s.frame[rig.c.a[m]]
         two.g = rig.s.frame[rig.c.b[m]]
         if two.f < n:
@@ -71,7 +71,7 @@ def formulas(real, held: bool = False):
         return two
 
     @wp.func
-    def moved(f: int, since: t.vec3, k: int, rig: Rig):
+    def displacement_since_made(f: int, since: t.vec3, k: int, rig: Rig):
         """Displacement of a frame since a manifold was made."""
         n = rig.b.w.shape[0]
         x = -since
@@ -91,7 +91,7 @@ def formulas(real, held: bool = False):
         return moves
 
     @wp.func
-    def arms(m: int, j: int, two: Two, rig: Rig):
+    def contact_point_arms(m: int, j: int, two: BodyPair, rig: Rig):
         """p_a and p_b of point j."""
         R_a = rig.work.turn[two.f]
         R_b = rig.work.turn[two.g]
@@ -105,7 +105,7 @@ def formulas(real, held: bool = False):
         return arm_a, arm_b
 
     @wp.func
-    def together(m: int, count: int, two: Two, rig: Rig):
+    def normal_delassus_matrix(m: int, count: int, two: BodyPair, rig: Rig):
         """A of a manifold."""
         n = rig.c.n[m]
         w = two.w_a + two.w_b
@@ -127,19 +127,20 @@ def formulas(real, held: bool = False):
         return A
 
     @wp.func(inline=False)
-    def prepare(m: int, k: int, rig: Rig):
+    def prepare_manifold(m: int, k: int, rig: Rig):
         """Arms, gaps and responses of the points of a manifold, as bodies are."""
         count = rig.c.count[m]
         if count > 0:
-            two = bodies(m, rig)
-            away = moved(two.f, rig.c.from_a[m], k, rig) - moved(two.g, rig.c.from_b[m], k, rig)
+            two = masses_of_pair(m, rig)
+            away = displacement_since_made(two.f, rig.c.from_a[m], k, rig) - displacement_since_made(two.g, rig.c.from_b[m], k,
+                                                                                                     rig)
             n = rig.c.n[m]
             t1 = first(n)
             t2 = wp.cross(n, t1)
             w = two.w_a + two.w_b
             for i in range(count):                              # a loop: a GPU waits for code that it runs through once
                 j = 4 * m + i
-                arm_a, arm_b = arms(m, j, two, rig)
+                arm_a, arm_b = contact_point_arms(m, j, two, rig)
                 d = away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j])
                 rig.work.now[j] = rig.c.gap[j] + wp.dot(n, d)
                 if wp.static(held):
@@ -158,13 +159,13 @@ def formulas(real, held: bool = False):
                 Z1 = two.S_b * b1
                 rig.work.K[j] = t.vec3(w + wp.dot(a1, S1) + wp.dot(b1, Z1), wp.dot(a2, S1) + wp.dot(b2, Z1),
                                        w + wp.dot(a2, two.S_a * a2) + wp.dot(b2, two.S_b * b2))
-            rig.work.A[m] = together(m, count, two, rig)
+            rig.work.A[m] = normal_delassus_matrix(m, count, two, rig)
 
     @wp.func(inline=False)
-    def begun(m: int, k: int, rig: Rig):
+    def velocities_of_pair(m: int, k: int, rig: Rig):
         """Velocities of the bodies of a manifold."""
         n = rig.b.w.shape[0]
-        two = bodies(m, rig)
+        two = masses_of_pair(m, rig)
         if two.f < n:
             two.v_a = two.w_a * rig.now.p[two.f]
             two.o_a = two.S_a * rig.now.L[two.f]
@@ -180,7 +181,7 @@ def formulas(real, held: bool = False):
         return two
 
     @wp.func
-    def shoved(two: Two, P: t.vec3, T_a: t.vec3, T_b: t.vec3):
+    def apply_pair_impulse(two: BodyPair, P: t.vec3, T_a: t.vec3, T_b: t.vec3):
         """After an impulse P and its moment T_a on A, -P and -T_b on B."""
         out = two
         out.P = two.P + P
@@ -193,12 +194,12 @@ def formulas(real, held: bool = False):
         return out
 
     @wp.func
-    def pushed(two: Two, j: int, P: t.vec3, rig: Rig):
+    def apply_point_impulse(two: BodyPair, j: int, P: t.vec3, rig: Rig):
         """After an impulse P on A at point j, and -P on B."""
-        return shoved(two, P, wp.cross(rig.work.r_a[j], P), wp.cross(rig.work.r_b[j], P))
+        return apply_pair_impulse(two, P, wp.cross(rig.work.r_a[j], P), wp.cross(rig.work.r_b[j], P))
 
     @wp.func(inline=False)
-    def ended(two: Two, rig: Rig):
+    def store_pair_momenta(two: BodyPair, rig: Rig):
         n = rig.b.w.shape[0]
         f = two.f
         g = two.g
@@ -218,12 +219,12 @@ def formulas(real, held: bool = False):
                     rig.work.given[g] -= wp.float64(wp.dot(two.P, two.v_a) + wp.dot(two.T_a, two.o_a))
 
     @wp.func
-    def slip(two: Two, j: int, rig: Rig):
+    def contact_point_slip(two: BodyPair, j: int, rig: Rig):
         """u of point j."""
         return two.v_a + wp.cross(two.o_a, rig.work.r_a[j]) - two.v_b - wp.cross(two.o_b, rig.work.r_b[j])
 
     @wp.func(inline=False)
-    def rubbed(before: t.vec3, u: t.vec3, n: t.vec3, K: t.vec3, push: real, mu: t.vec2):
+    def coulomb_friction_impulse(before: t.vec3, u: t.vec3, n: t.vec3, K: t.vec3, push: real, mu: t.vec2):
         """Impulse across n that stops the slip, or all that friction has; before: what there is of it. K: 11, 12, 22 of the
         response along the tangents of n. Where it slips, the step is that of the larger principal response: a longer one may
         turn about the direction of the slip for ever."""
@@ -253,4 +254,5 @@ def formulas(real, held: bool = False):
                 p2 *= part
         return p1 * t1 + p2 * t2
 
-    return Two, prepare, begun, shoved, pushed, ended, slip, rubbed
+    return (BodyPair, prepare_manifold, velocities_of_pair, apply_pair_impulse, apply_point_impulse, store_pair_momenta,
+            contact_point_slip, coulomb_friction_impulse)

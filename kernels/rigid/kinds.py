@@ -1,8 +1,8 @@
 """Kinds of constraints between rigid bodies, and walks over those of a kind: in any order, or colour by colour.
 
-A kind (contacts, joints) is a row of functions, see `Kind`. No body occurs twice in a colour, so its constraints may be solved
-at the same time; those of colour SERIAL, which found no other, are taken in turn by one thread. A walk is a function that all
-threads call, i of so many; on a CPU there is one.
+A kind (contacts, joints) is a row of functions, see `ConstraintKind`. No body occurs twice in a colour, so its constraints may
+be solved at the same time; those of colour SERIAL, which found no other, are taken in turn by one thread. A walk is a function
+that all threads call, i of so many; on a CPU there is one.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import rig_type
 
 BLOCK = wp.constant(256)          # threads of a block of a cluster
 SERIAL = wp.constant(60)          # colours whose constraints are solved at the same time; the next is solved in turn
 
 
 @dataclass(frozen=True)
-class Kind:
+class ConstraintKind:
     """Functions of a kind of constraints; j: one of them, k: substep, slot: its place in the order of colours.
 
     prepare(j, k, rig)               arms and the like, as bodies are where substep k begins
@@ -39,30 +39,30 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Act:
-    """Functions of one shape, (j, k, h, biased, rig), of a kind: what `by_colour` and `at_once` walk with."""
+class KindActs:
+    """Functions of one shape, (j, k, h, biased, rig), of a kind: what `by_colour` and `at_once_func` walk with."""
 
     prepare: Any
     warm: Any
     solve: Any
 
 
-def acts(kind: Kind, real) -> Act:
-    Rig, prepare_one, warm_one = whole(real), kind.prepare, kind.warm
+def acts_of_kind(kind: ConstraintKind, real) -> KindActs:
+    Rig, prepare_one, warm_one = rig_type(real), kind.prepare, kind.warm
 
     @wp.func
-    def prepare(j: int, k: int, h: real, biased: int, rig: Rig):
+    def prepare_constraint(j: int, k: int, h: real, biased: int, rig: Rig):
         prepare_one(j, k, rig)
 
     @wp.func
-    def warm(j: int, k: int, h: real, biased: int, rig: Rig):
+    def warm_start_constraint(j: int, k: int, h: real, biased: int, rig: Rig):
         warm_one(j, k, h, rig)
 
-    return Act(prepare, warm, kind.solve)
+    return KindActs(prepare_constraint, warm_start_constraint, kind.solve)
 
 
 @wp.func
-def spread(i: int, threads: int):
+def first_of_thread(i: int, threads: int):
     """Which constraint thread i begins with. The first warps of all blocks come before their second ones: those of a colour
     seldom fill more than a few warps, which wait for one another on one multiprocessor."""
     first = i
@@ -72,14 +72,14 @@ def spread(i: int, threads: int):
     return first
 
 
-def in_colour(kind: Kind, act, real):
+def in_colour(kind: ConstraintKind, act, real):
     """Function: constraints of one colour, by thread i of so many."""
-    Rig, start, item = whole(real), kind.start, kind.item
+    Rig, start, item = rig_type(real), kind.start, kind.item
 
     @wp.func
-    def walk(colour: int, i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+    def walk_one_colour(colour: int, i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
         last = start(colour + 1, rig)
-        slot = start(colour, rig) + spread(i, threads)
+        slot = start(colour, rig) + first_of_thread(i, threads)
         stride = threads
         if colour >= SERIAL:
             stride = 1
@@ -89,44 +89,44 @@ def in_colour(kind: Kind, act, real):
             act(item(slot, rig), k, h, biased, rig)
             slot += stride
 
-    return walk
+    return walk_one_colour
 
 
-def by_colour(kind: Kind, act, meet, real):
+def by_colour(kind: ConstraintKind, act, meet, real):
     """Function: all constraints of a kind, colour by colour."""
-    Rig, colours, walk = whole(real), kind.colours, in_colour(kind, act, real)
+    Rig, colours, walk = rig_type(real), kind.colours, in_colour(kind, act, real)
 
     @wp.func
-    def sweep(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+    def sweep_by_colour(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
         for colour in range(colours(rig)):
             walk(colour, i, threads, k, h, biased, rig)
             meet()
 
-    return sweep
+    return sweep_by_colour
 
 
-def at_once(kind: Kind, act, real):
+def at_once_func(kind: ConstraintKind, act, real):
     """Function: all constraints of a kind, whatever their colours: what they change is their own."""
-    Rig, colours, start, item = whole(real), kind.colours, kind.start, kind.item
+    Rig, colours, start, item = rig_type(real), kind.colours, kind.start, kind.item
 
     @wp.func
-    def walk(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
-        for slot in range(start(0, rig) + spread(i, threads), start(colours(rig), rig), threads):
+    def walk_all_constraints(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+        for slot in range(start(0, rig) + first_of_thread(i, threads), start(colours(rig), rig), threads):
             act(item(slot, rig), k, h, biased, rig)
 
-    return walk
+    return walk_all_constraints
 
 
-def in_turn(walks: Sequence, real):
+def walk_in_turn_func(walks: Sequence, real):
     """Function that calls all of them."""
-    Rig = whole(real)
+    Rig = rig_type(real)
     if len(walks) == 1:
         return walks[0]
-    head, tail = walks[0], in_turn(walks[1:], real)
+    head, tail = walks[0], walk_in_turn_func(walks[1:], real)
 
     @wp.func
-    def both(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+    def walk_both_in_turn(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
         head(i, threads, k, h, biased, rig)
         tail(i, threads, k, h, biased, rig)
 
-    return both
+    return walk_both_in_turn

@@ -24,9 +24,9 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.marks import called, whole
+from wsim.kernels.math.marks import standalone_function, writes_all
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
+from wsim.kernels.math.rotation import conjugate_rotation, multiply_rotations, rotate_vector, unit_quaternion
 
 C = wp.constant(wp.float64(0.1931833275037836))
 S2, S6, S12, S20, S30, S42, S56, S72, S90, S110, S132, S156 = (           # 1 / n (n - 1): ratios of terms of sine and cosine
@@ -34,7 +34,7 @@ S2, S6, S12, S20, S30, S42, S56, S72, S90, S110, S132, S156 = (           # 1 / 
 SMALL = wp.constant(wp.float64(0.25))             # [rad] below which half an angle takes a series: 1e-17 of it left out
 
 
-@called
+@standalone_function
 @wp.func
 def large_turn(half: wp.float64):
     """(sin, cos) of an angle of any size [rad]: 200 instructions, which substeps hardly ever need."""
@@ -61,17 +61,17 @@ def half_turn(half: wp.float64):
 @wp.func
 def turned_first(q: wp.quatd, L: wp.vec3d, rate: wp.float64):
     """q after a turn about its first axis by an angle of rate times the momentum along it."""
-    M = rotate(conjugate(q), L)
+    M = rotate_vector(conjugate_rotation(q), L)
     s, c = half_turn(wp.float64(0.5) * rate * M[0])
-    return multiply(q, wp.quatd(s, wp.float64(0.0), wp.float64(0.0), c))
+    return multiply_rotations(q, wp.quatd(s, wp.float64(0.0), wp.float64(0.0), c))
 
 
 @wp.func
 def turned_third(q: wp.quatd, L: wp.vec3d, rate: wp.float64):
     """As `turned_first`, about the third axis."""
-    M = rotate(conjugate(q), L)
+    M = rotate_vector(conjugate_rotation(q), L)
     s, c = half_turn(wp.float64(0.5) * rate * M[2])
-    return multiply(q, wp.quatd(wp.float64(0.0), wp.float64(0.0), s, c))
+    return multiply_rotations(q, wp.quatd(wp.float64(0.0), wp.float64(0.0), s, c))
 
 
 @wp.func
@@ -95,11 +95,11 @@ def turned_about(q: wp.quatd, L: wp.vec3d, middle: wp.float64, h: wp.float64):
     k = half * h * middle
     if rate > wp.float64(1.0e-9):
         k = s / wp.length(L)
-    return normalized(multiply(wp.quatd(k * L[0], k * L[1], k * L[2], c), q))
+    return unit_quaternion(multiply_rotations(wp.quatd(k * L[0], k * L[1], k * L[2], c), q))
 
 
 @wp.func
-def free_rotation(q: wp.quatd, L: wp.vec3d, inverse: wp.vec3d, h: wp.float64):
+def free_rotor_step(q: wp.quatd, L: wp.vec3d, inverse: wp.vec3d, h: wp.float64):
     """q after h [s] without a torque; inverse: 1 / I [1/(kg m^2)], descending. Order 2."""
     a = h * (inverse[0] - inverse[1])
     b = h * (inverse[2] - inverse[1])
@@ -110,19 +110,19 @@ def free_rotation(q: wp.quatd, L: wp.vec3d, inverse: wp.vec3d, h: wp.float64):
 
 
 @wp.func
-def double(q: Any, o: Any):
+def double_quat(q: Any, o: Any):
     """q + o in float64."""
     return wp.quatd(wp.float64(q[0]) + wp.float64(o[0]), wp.float64(q[1]) + wp.float64(o[1]),
                     wp.float64(q[2]) + wp.float64(o[2]), wp.float64(q[3]) + wp.float64(o[3]))
 
 
 @wp.func
-def double3(v: Any):
+def double_vec3(v: Any):
     return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
 
 
 @wp.func
-def near(v: wp.quatd, q: Any):
+def rounded_quaternion(v: wp.quatd, q: Any):
     """v rounded to the type of q."""
     return type(q)(type(q[0])(v[0]), type(q[0])(v[1]), type(q[0])(v[2]), type(q[0])(v[3]))
 
@@ -130,11 +130,11 @@ def near(v: wp.quatd, q: Any):
 @wp.func
 def angular_velocity_of(q: Any, L: Any, inverse: Any):
     """omega [rad/s], world, of the angular momentum L."""
-    return rotate(q, wp.cw_mul(inverse, rotate(conjugate(q), L)))
+    return rotate_vector(q, wp.cw_mul(inverse, rotate_vector(conjugate_rotation(q), L)))
 
 
 @wp.func
-def kicked(p: Any, push: Any, decay: Any, h: Any):
+def kick_momentum(p: Any, push: Any, decay: Any, h: Any):
     """p after h [s] of p' = push - decay p, exactly. A small decay h keeps its digits by a series."""
     z = decay * h
     one = type(h)(1.0)
@@ -146,13 +146,13 @@ def kicked(p: Any, push: Any, decay: Any, h: Any):
 
 
 @cache
-def structs(real):
+def body_structs(real):
     """Bodies: tables (bodies,) that no stage writes. w = 1/m [1/kg], inverse = 1 / I [1/(kg m^2)], push [N] (weight and force),
     torque [N m], drag and spin_drag [1/s]."""
     t = types(real)
 
     @wp.struct
-    class Bodies:
+    class BodyConstants:
         w: wp.array(dtype=real)
         inverse: wp.array(dtype=t.vec3)
         push: wp.array(dtype=t.vec3)
@@ -161,7 +161,7 @@ def structs(real):
         spin_drag: wp.array(dtype=real)
 
     @wp.struct
-    class Moving:
+    class MovingBodies:
         x: wp.array(dtype=t.vec3)
         e: wp.array(dtype=t.vec3)
         q: wp.array(dtype=t.quat)
@@ -169,12 +169,12 @@ def structs(real):
         p: wp.array(dtype=t.vec3)
         L: wp.array(dtype=t.vec3)
 
-    return Bodies, Moving
+    return BodyConstants, MovingBodies
 
 
-def free(real, module):
+def free_flight_kernel(real, module):
     """Kernel of `substeps` steps of h [s] of bodies that touch nothing; asleep: 1 for those that stay, or None."""
-    Bodies, Moving = structs(real)
+    Bodies, Moving = body_structs(real)
 
     def rigid_free(b: Bodies, now: Moving, asleep: wp.array(dtype=int), substeps: int, h: real, out: Moving):
         i = wp.tid()
@@ -183,24 +183,24 @@ def free(real, module):
                 return
         x = now.x[i]
         e = now.e[i]
-        q = double(now.q[i], now.o[i])
+        q = double_quat(now.q[i], now.o[i])
         p = now.p[i]
         L = now.L[i]
         half = real(0.5) * h
         for _k in range(substeps):
-            p = kicked(p, b.push[i], b.drag[i], half)
-            L = kicked(L, b.torque[i], b.spin_drag[i], half)
+            p = kick_momentum(p, b.push[i], b.drag[i], half)
+            L = kick_momentum(L, b.torque[i], b.spin_drag[i], half)
             step = e + h * b.w[i] * p
             place = x + step
             e = step - (place - x)
             x = place
-            q = free_rotation(q, double3(L), double3(b.inverse[i]), wp.float64(h))
-            p = kicked(p, b.push[i], b.drag[i], half)
-            L = kicked(L, b.torque[i], b.spin_drag[i], half)
+            q = free_rotor_step(q, double_vec3(L), double_vec3(b.inverse[i]), wp.float64(h))
+            p = kick_momentum(p, b.push[i], b.drag[i], half)
+            L = kick_momentum(L, b.torque[i], b.spin_drag[i], half)
         out.x[i] = x
         out.e[i] = e
-        out.q[i] = near(q, now.q[i])
-        out.o[i] = near(q - double(out.q[i], wp.quatd()), now.q[i])
+        out.q[i] = rounded_quaternion(q, now.q[i])
+        out.o[i] = rounded_quaternion(q - double_quat(out.q[i], wp.quatd()), now.q[i])
         out.p[i] = p
         out.L[i] = L
 
@@ -211,7 +211,7 @@ def free_step(real, module):
     """Kernel of one step of h [s] of bodies that touch nothing, with its adjoint: all is written anew. every: x, e, p and L
     behind each other, (4 bodies,); q, o: (bodies,), quaternions as vectors. Equal moments take the same turns, by angles of
     0, whose derivatives are not."""
-    Bodies, _ = structs(real)
+    Bodies, _ = body_structs(real)
     t = types(real)
 
     def predict_bodies(b: Bodies, every: wp.array(dtype=t.vec3), q: wp.array(dtype=t.vec4), o: wp.array(dtype=t.vec4), h: real,
@@ -219,22 +219,22 @@ def free_step(real, module):
         i = wp.tid()
         n = b.w.shape[0]
         half = real(0.5) * h
-        inverse = double3(b.inverse[i])
+        inverse = double_vec3(b.inverse[i])
         x = every[i]
-        p = kicked(every[2 * n + i], b.push[i], b.drag[i], half)
-        L = kicked(every[3 * n + i], b.torque[i], b.spin_drag[i], half)
+        p = kick_momentum(every[2 * n + i], b.push[i], b.drag[i], half)
+        L = kick_momentum(every[3 * n + i], b.torque[i], b.spin_drag[i], half)
         step = every[n + i] + h * b.w[i] * p
         place = x + step
         every_out[i] = place
         every_out[n + i] = step - (place - x)
         d = wp.float64(h)
-        M = double3(L)
-        r = turned_within(double(q[i], o[i]), M, d * (inverse[0] - inverse[1]), d * (inverse[2] - inverse[1]))
+        M = double_vec3(L)
+        r = turned_within(double_quat(q[i], o[i]), M, d * (inverse[0] - inverse[1]), d * (inverse[2] - inverse[1]))
         r = turned_about(r, M, inverse[1], d)
-        rounded = near(r, q[i])
+        rounded = rounded_quaternion(r, q[i])
         q_out[i] = rounded
-        o_out[i] = near(r - double(rounded, t.vec4()), q[i])
-        every_out[2 * n + i] = kicked(p, b.push[i], b.drag[i], half)
-        every_out[3 * n + i] = kicked(L, b.torque[i], b.spin_drag[i], half)
+        o_out[i] = rounded_quaternion(r - double_quat(rounded, t.vec4()), q[i])
+        every_out[2 * n + i] = kick_momentum(p, b.push[i], b.drag[i], half)
+        every_out[3 * n + i] = kick_momentum(L, b.torque[i], b.spin_drag[i], half)
 
-    return whole(wp.kernel(predict_bodies, name="predict_bodies", module=module, enable_backward=True))
+    return writes_all(wp.kernel(predict_bodies, name="predict_bodies", module=module, enable_backward=True))

@@ -12,72 +12,74 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.impact import impacts
-from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn, spread
-from wsim.kernels.rigid.lists.pairs import straying
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.impact import impact_func
+from wsim.kernels.rigid.kinds import ConstraintKind, acts_of_kind, at_once_func, by_colour, first_of_thread, walk_in_turn_func
+from wsim.kernels.rigid.lists.pairs import body_straying_func
 from wsim.kernels.rigid.soft_step import body_steps
 
 
 def over_bodies(real):
     """(begun, placed, ended): functions of the bodies, what precedes the constraints' sweeps and what follows them."""
-    Rig, (oriented, turned, forces, place), stray = whole(real), body_steps(real), straying(real)
+    Rig, (oriented, turned, forces, place), stray = rig_type(real), body_steps(real), body_straying_func(real)
 
     @wp.func
-    def begun(i: int, threads: int, h: real, rig: Rig):
+    def begin_body_substep(i: int, threads: int, h: real, rig: Rig):
         if i == 0:
             rig.work.strayed[0] = 0
-        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
+        for b in range(first_of_thread(i, threads), rig.b.w.shape[0], threads):
             forces(b, h, rig)
 
     @wp.func
-    def faced(i: int, threads: int, k: int, last: int, rig: Rig):
+    def orient_body_frames(i: int, threads: int, k: int, last: int, rig: Rig):
         n = rig.b.w.shape[0]
-        for f in range(spread(i, threads), last, threads):              # by the thread that places it
+        for f in range(first_of_thread(i, threads), last, threads):     # by the thread that places it
             if f < n:
                 oriented(f, rig)
             else:
                 turned(f, k, rig)
 
     @wp.func
-    def placed(i: int, threads: int, k: int, rig: Rig):
+    def place_body_frames(i: int, threads: int, k: int, rig: Rig):
         """Where substep k begins."""
-        faced(i, threads, k, rig.work.turn.shape[0], rig)
+        orient_body_frames(i, threads, k, rig.work.turn.shape[0], rig)
 
     @wp.func
-    def ended(i: int, threads: int, k: int, h: real, rig: Rig):
-        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
+    def end_body_substep(i: int, threads: int, k: int, h: real, rig: Rig):
+        for b in range(first_of_thread(i, threads), rig.b.w.shape[0], threads):
             place(b, h, rig)
             stray(b, h, rig)
         last = rig.b.w.shape[0]
         if rig.still.moving == 1:                       # of colliders that stand, once is enough
             last = rig.work.turn.shape[0]
-        faced(i, threads, k + 1, last, rig)
+        orient_body_frames(i, threads, k + 1, last, rig)
 
-    return begun, placed, ended
+    return begin_body_substep, place_body_frames, end_body_substep
 
 
-def walks(kinds: Sequence[Kind], real, meet: Callable, bouncing: bool, **impact) -> SimpleNamespace:
-    """prepare, warm, solve, thrown: functions of all constraints. bouncing: the last kind has impacts; impact: of `impacts`."""
-    Rig, act = whole(real), [acts(kind, real) for kind in kinds]
-    prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
-    warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
-    solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+def constraint_walks(kinds: Sequence[ConstraintKind], real, meet: Callable, bouncing: bool, **impact) -> SimpleNamespace:
+    """prepare, warm, solve, thrown: functions of all constraints. bouncing: the last kind has impacts; impact: of
+    `impact_func`."""
+    Rig, act = rig_type(real), [acts_of_kind(kind, real) for kind in kinds]
+    prepare = walk_in_turn_func([at_once_func(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
+    warm = walk_in_turn_func([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    solve = walk_in_turn_func([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
     if bouncing:
-        thrown = impacts(kinds[-1], meet, real, **impact)
+        impact_pass_or_none = impact_func(kinds[-1], meet, real, **impact)
     else:
         @wp.func
-        def thrown(i: int, threads: int, k: int, h: real, rig: Rig):
+        def impact_pass_or_none(i: int, threads: int, k: int, h: real, rig: Rig):
             return
-    return SimpleNamespace(prepare=prepare, warm=warm, solve=solve, thrown=thrown)
+    return SimpleNamespace(prepare=prepare, warm=warm, solve=solve, thrown=impact_pass_or_none)
 
 
-def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+def body_substep_kernel(kinds: Sequence[ConstraintKind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
+                        bouncing: bool = False):
     """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each, by so many threads that `meet`.
     Manifolds are those of steps[0], and prepared, unless that is 0.
 
     threads, cluster: of a block, and blocks of a cluster, on CUDA. bouncing: the last kind has impacts."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing)
+    Rig, w = rig_type(real), constraint_walks(kinds, real, meet, bouncing)
     begun, placed, ended = over_bodies(real)
     prepare, warm, solve, thrown = w.prepare, w.warm, w.solve, w.thrown
 

@@ -29,14 +29,14 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.complementarity.drift import holding
-from wsim.kernels.rigid.complementarity.manifold_impulse import impulses
-from wsim.kernels.rigid.complementarity.mean_velocity import bending
-from wsim.kernels.rigid.contact import manifolds, surfaces, whole
-from wsim.kernels.rigid.impulse import formulas
-from wsim.kernels.rigid.kinds import Kind
-from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near
+from wsim.kernels.math.rotation import rotation_to_matrix
+from wsim.kernels.rigid.complementarity.drift import drift_holding_func
+from wsim.kernels.rigid.complementarity.manifold_impulse import manifold_impulse_func
+from wsim.kernels.rigid.complementarity.mean_velocity import mean_velocity_funcs
+from wsim.kernels.rigid.contact import manifold_count_func, rig_type, surface_law_functions
+from wsim.kernels.rigid.impulse import impulse_formulas
+from wsim.kernels.rigid.kinds import ConstraintKind
+from wsim.kernels.rigid.motion import double_quat, double_vec3, free_rotor_step, kick_momentum, rounded_quaternion
 
 ZETA, TURN = 10.0, 1.5707963267948966      # damping ratio; h w
 A1 = 2.0 * ZETA + TURN
@@ -47,13 +47,13 @@ BACK = wp.constant(0.005)                  # of the drift in a substep
 
 
 @cache
-def goals(real):
+def contact_goal_functions(real):
     """(goal, fastest). goal: function of a point's gap and impulse: (1 where it acts, bias, part of A_ii that its impulse gives
     way by). fastest(m, rig): speed at which the shapes of manifold m are pushed apart, at most [m/s]."""
-    t, Rig = types(real), whole(real)
+    t, Rig = types(real), rig_type(real)
 
     @wp.func
-    def fastest(m: int, rig: Rig):
+    def fastest_separation_speed(m: int, rig: Rig):
         L = rig.s.ball[rig.c.a[m]]
         b = rig.s.ball[rig.c.b[m]]
         if L < real(0.0) or (b >= real(0.0) and b < L):
@@ -61,7 +61,7 @@ def goals(real):
         return wp.sqrt(real(2.0) * rig.work.g * L)
 
     @wp.func
-    def goal(gap: real, push: real, h: real, most: real, biased: int):
+    def soft_contact_goal(gap: real, push: real, h: real, most: real, biased: int):
         wants = t.vec3(real(1.0), real(0.0), real(0.0))
         if gap > real(0.0):
             wants[1] = gap / h
@@ -72,19 +72,20 @@ def goals(real):
             wants[2] = real(GIVES)
         return wants
 
-    return goal, fastest
+    return soft_contact_goal, fastest_separation_speed
 
 
 @cache
-def sweeps(real, exact: bool = False):
+def soft_sweep_funcs(real, exact: bool = False):
     """(warm, solve): functions of a manifold m. exact: of the converged mode, whose adjoint has points go straight."""
-    t, Rig, friction_of = types(real), whole(real), surfaces(real)[0]
-    Two, _, begun, shoved, _, ended, _, rubbed = formulas(real)
+    t, Rig, friction_of = types(real), rig_type(real), surface_law_functions(real)[0]
+    Two, _, begun, shoved, _, ended, _, rubbed = impulse_formulas(real)
     rows = wp.types.matrix((4, 3), real)
-    together, (goal, fastest), (bends, bend), hold = impulses(real), goals(real), bending(real), holding(real)
+    together, (goal, fastest), (bends, bend), hold = (manifold_impulse_func(real), contact_goal_functions(real),
+                                                      mean_velocity_funcs(real), drift_holding_func(real))
 
     @wp.struct
-    class Four:
+    class ManifoldPoints:
         """The points of a manifold, rows, read before anything is written: reads wait for one another else."""
         r_a: rows
         r_b: rows
@@ -95,8 +96,8 @@ def sweeps(real, exact: bool = False):
         now: t.vec4
 
     @wp.func
-    def points(m: int, rig: Rig):
-        p = Four()
+    def read_manifold_points(m: int, rig: Rig):
+        p = ManifoldPoints()
         for i in range(4):
             p.r_a[i] = rig.work.r_a[4 * m + i]
             p.r_b[i] = rig.work.r_b[4 * m + i]
@@ -108,7 +109,7 @@ def sweeps(real, exact: bool = False):
         return p
 
     @wp.func
-    def meets(two: Two, p: Four, m: int, i: int, h: real, arcs: bool, rig: Rig):
+    def point_relative_velocity(two: Two, p: ManifoldPoints, m: int, i: int, h: real, arcs: bool, rig: Rig):
         """u of point i of manifold m; arcs: in the mean of the substep."""
         u = two.v_a + wp.cross(two.o_a, p.r_a[i]) - two.v_b - wp.cross(two.o_b, p.r_b[i])
         if wp.static(not exact):
@@ -117,11 +118,11 @@ def sweeps(real, exact: bool = False):
         return u
 
     @wp.func(inline=False)
-    def warm(m: int, k: int, h: real, rig: Rig):
+    def warm_start_manifold(m: int, k: int, h: real, rig: Rig):
         count = rig.c.count[m]
         if count > 0:
             two = begun(m, k, rig)
-            p = points(m, rig)
+            p = read_manifold_points(m, rig)
             n = rig.c.n[m]
             s = real(0.5) * h * wp.dot(n, two.o_a + two.o_b)             # what turns about n takes its friction with it
             c = real(1.0) - real(0.5) * s * s
@@ -140,7 +141,7 @@ def sweeps(real, exact: bool = False):
             ended(shoved(two, P, T_a, T_b), rig)
 
     @wp.func
-    def along(two: Two, p: Four, m: int, count: int, h: real, biased: int, arcs: bool, rig: Rig):
+    def solve_normal_impulses(two: Two, p: ManifoldPoints, m: int, count: int, h: real, biased: int, arcs: bool, rig: Rig):
         """(bodies, pushes) after the impulses along the normal, of all points together."""
         n = rig.c.n[m]
         wanted = t.vec4()              # of the velocity along n: its change
@@ -158,7 +159,7 @@ def sweeps(real, exact: bool = False):
                     close[i] = real(NEAR)
                 if wants[0] > real(0.0):
                     acts[i] = 1
-                    wanted[i] = -(wp.dot(n, meets(two, p, m, i, h, arcs, rig)) + wants[1])
+                    wanted[i] = -(wp.dot(n, point_relative_velocity(two, p, m, i, h, arcs, rig)) + wants[1])
         more = together(rig.work.A[m], before, wanted, soft, close, acts)
         T_a = t.vec3()
         T_b = t.vec3()
@@ -171,19 +172,19 @@ def sweeps(real, exact: bool = False):
         return shoved(two, P, T_a, T_b), before + more
 
     @wp.func(inline=False)
-    def solve(m: int, k: int, h: real, biased: int, rig: Rig):
+    def solve_contact_manifold(m: int, k: int, h: real, biased: int, rig: Rig):
         count = rig.c.count[m]
         if count > 0:
             two = begun(m, k, rig)
-            p = points(m, rig)
+            p = read_manifold_points(m, rig)
             n = rig.c.n[m]
             mu = friction_of(m, rig)
             arcs = biased == 1 and bends(two, h)
-            two, push = along(two, p, m, count, h, biased, arcs, rig)
+            two, push = solve_normal_impulses(two, p, m, count, h, biased, arcs, rig)
             drifts = real(0.0)
             for i in range(4):
                 if i < count:
-                    u = meets(two, p, m, i, h, arcs, rig)
+                    u = point_relative_velocity(two, p, m, i, h, arcs, rig)
                     if wp.static(not exact):
                         if biased == 1:
                             u += (real(BACK) / h) * p.drift[i]
@@ -198,80 +199,82 @@ def sweeps(real, exact: bool = False):
                     hold(m, count, mu, rig)
             ended(two, rig)
 
-    return warm, solve
+    return warm_start_manifold, solve_contact_manifold
 
 
 @cache
 def body_steps(real):
     """(oriented, turned, forces, place): functions of a body or a collider, f behind the bodies."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def oriented(i: int, rig: Rig):
-        R = matrix(rig.now.q[i])
+    def orient_body(i: int, rig: Rig):
+        R = rotation_to_matrix(rig.now.q[i])
         rig.work.turn[i] = R
         rig.work.spread[i] = R * wp.diag(rig.b.inverse[i]) * wp.transpose(R)
 
     @wp.func
-    def turned(f: int, k: int, rig: Rig):
-        rig.work.turn[f] = matrix(rig.still.q[k * rig.still.moving, f - rig.b.w.shape[0]])
+    def orient_collider(f: int, k: int, rig: Rig):
+        rig.work.turn[f] = rotation_to_matrix(rig.still.q[k * rig.still.moving, f - rig.b.w.shape[0]])
 
     @wp.func(inline=False)
-    def forces(i: int, h: real, rig: Rig):
+    def apply_body_forces(i: int, h: real, rig: Rig):
         rig.work.touched[i] = 0
         if rig.work.asleep[i] == 0:
             rig.work.p0[i] = rig.now.p[i]
             rig.work.L0[i] = rig.now.L[i]
-            rig.now.p[i] = kicked(rig.now.p[i], rig.b.push[i], rig.b.drag[i], h)
-            rig.now.L[i] = kicked(rig.now.L[i], rig.b.torque[i], rig.b.spin_drag[i], h)
+            rig.now.p[i] = kick_momentum(rig.now.p[i], rig.b.push[i], rig.b.drag[i], h)
+            rig.now.L[i] = kick_momentum(rig.now.L[i], rig.b.torque[i], rig.b.spin_drag[i], h)
 
     @wp.func(inline=False)
-    def place(i: int, h: real, rig: Rig):
+    def place_moved_body(i: int, h: real, rig: Rig):
         if rig.work.asleep[i] == 0:
             p = rig.now.p[i]
             L = rig.now.L[i]
             if rig.work.touched[i] == 0:
-                p = kicked(rig.work.p0[i], rig.b.push[i], rig.b.drag[i], real(0.5) * h)
-                L = kicked(rig.work.L0[i], rig.b.torque[i], rig.b.spin_drag[i], real(0.5) * h)
+                p = kick_momentum(rig.work.p0[i], rig.b.push[i], rig.b.drag[i], real(0.5) * h)
+                L = kick_momentum(rig.work.L0[i], rig.b.torque[i], rig.b.spin_drag[i], real(0.5) * h)
             step = rig.now.e[i] + h * rig.b.w[i] * p
             x = rig.now.x[i] + step
             rig.now.e[i] = step - (x - rig.now.x[i])
             rig.now.x[i] = x
-            q = free_rotation(double(rig.now.q[i], rig.now.o[i]), double3(L), double3(rig.b.inverse[i]), wp.float64(h))
-            rig.now.q[i] = near(q, rig.now.q[i])
-            rig.now.o[i] = near(q - double(rig.now.q[i], wp.quatd()), rig.now.q[i])
+            q = free_rotor_step(double_quat(rig.now.q[i], rig.now.o[i]), double_vec3(L), double_vec3(rig.b.inverse[i]),
+                                wp.float64(h))
+            rig.now.q[i] = rounded_quaternion(q, rig.now.q[i])
+            rig.now.o[i] = rounded_quaternion(q - double_quat(rig.now.q[i], wp.quatd()), rig.now.q[i])
 
-    return oriented, turned, forces, place
+    return orient_body, orient_collider, apply_body_forces, place_moved_body
 
 
 @cache
-def contact_kind(real, coloured: bool, exact: bool = False) -> Kind:
-    """Manifolds as a kind of constraints; not coloured: all in turn, as they are listed, by one thread; exact: see `sweeps`."""
-    Rig, prepare, (warm, solve) = whole(real), formulas(real, not exact)[1], sweeps(real, exact)
-    count = manifolds(real)
+def contact_kind(real, coloured: bool, exact: bool = False) -> ConstraintKind:
+    """Manifolds as a kind of constraints; not coloured: all in turn, as they are listed, by one thread; exact: see
+    `soft_sweep_funcs`."""
+    Rig, prepare, (warm, solve) = rig_type(real), impulse_formulas(real, not exact)[1], soft_sweep_funcs(real, exact)
+    count = manifold_count_func(real)
     if coloured:
         @wp.func
-        def colours(rig: Rig):
+        def colour_count(rig: Rig):
             return rig.work.colours[0]
 
         @wp.func
-        def start(colour: int, rig: Rig):
+        def first_slot_of_colour(colour: int, rig: Rig):
             return rig.work.starts[colour]
 
         @wp.func
-        def item(slot: int, rig: Rig):
+        def manifold_in_order(slot: int, rig: Rig):
             return rig.work.order[slot]
     else:
         @wp.func
-        def colours(rig: Rig):
+        def colour_count(rig: Rig):
             return 1
 
         @wp.func
-        def start(colour: int, rig: Rig):
+        def first_slot_of_colour(colour: int, rig: Rig):
             return colour * count(rig)
 
         @wp.func
-        def item(slot: int, rig: Rig):
+        def manifold_in_order(slot: int, rig: Rig):
             return slot
 
-    return Kind("contacts", prepare, warm, solve, colours, start, item)
+    return ConstraintKind("contacts", prepare, warm, solve, colour_count, first_slot_of_colour, manifold_in_order)

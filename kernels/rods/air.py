@@ -11,13 +11,13 @@ x + h v, which the forces of a substep do not turn: of order 2, as steps are. Be
 
 import warp as wp
 
-from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
+from wsim.kernels.rods.tables import RodMotion, RodStep, RodTable, RodTrial
 
 CALM = wp.constant(wp.float64(1e-12))    # [m/s] under which air is still
 
 
 @wp.func
-def drag(t: wp.vec3d, r: wp.vec3d, a: wp.float64, b: wp.float64):
+def cylinder_drag_force(t: wp.vec3d, r: wp.vec3d, a: wp.float64, b: wp.float64):
     """Force on an edge [N] against its motion through air r [m/s], and its derivative with respect to -r [kg/s]."""
     along = wp.dot(r, t)
     across = r - t * along
@@ -29,7 +29,7 @@ def drag(t: wp.vec3d, r: wp.vec3d, a: wp.float64, b: wp.float64):
 
 
 @wp.func
-def onward(S: Strands, Q: Motion, T: Trial, h: wp.float64, i: int, k: int):
+def coasting_place(S: RodTable, Q: RodMotion, T: RodTrial, h: wp.float64, i: int, k: int):
     """Where a point is at the end of a substep if nothing acts on it [m]."""
     x = T.x[i, k]
     if S.hold[i, k] < 0:
@@ -38,18 +38,18 @@ def onward(S: Strands, Q: Motion, T: Trial, h: wp.float64, i: int, k: int):
 
 
 @wp.func
-def velocity(Q: Motion, T: Trial, h: wp.float64, i: int, k: int):
+def strand_end_velocity(Q: RodMotion, T: RodTrial, h: wp.float64, i: int, k: int):
     """Velocity of a point where a substep ends [m/s]."""
     b = wp.float64(0.5) * wp.float64(Q.begun[i, k])
     return ((T.x[i, k] - Q.x[i, k]) * (wp.float64(1.0) + b) - Q.s[i, k] * b) / h
 
 
 @wp.func
-def blow(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
+def air_force_on_edge(S: RodTable, Q: RodMotion, T: RodTrial, p: RodStep, i: int, k: int):
     """Half the force on an edge [N], and a quarter of its derivative with respect to the place of its points [N/m]: of one that
     carries on by BDF2 and one that does not, the smaller."""
-    t = wp.normalize(onward(S, Q, T, p.h, i + 1, k) - onward(S, Q, T, p.h, i, k))
-    r = (velocity(Q, T, p.h, i, k) + velocity(Q, T, p.h, i + 1, k)) * wp.float64(0.5) - S.wind[k]
-    f, K = drag(t, r, S.across[i, k], S.along[i, k])
+    t = wp.normalize(coasting_place(S, Q, T, p.h, i + 1, k) - coasting_place(S, Q, T, p.h, i, k))
+    r = (strand_end_velocity(Q, T, p.h, i, k) + strand_end_velocity(Q, T, p.h, i + 1, k)) * wp.float64(0.5) - S.wind[k]
+    f, K = cylinder_drag_force(t, r, S.across[i, k], S.along[i, k])
     b = wp.float64(0.5) * wp.float64(wp.min(Q.begun[i, k], Q.begun[i + 1, k]))
     return f * wp.float64(0.5), K * (wp.float64(0.25) * (wp.float64(1.0) + b) / p.h)

@@ -20,7 +20,7 @@ FOLD = wp.constant(wp.float64(1e-3))     # least 1 + t0.t1: a turn of 177 degree
 
 
 @wp.func
-def transport(a: wp.vec3d, b: wp.vec3d, v: wp.vec3d):
+def transport_director(a: wp.vec3d, b: wp.vec3d, v: wp.vec3d):
     """The vector v turned by the least rotation from unit tangent a to b (parallel transport)."""
     k = wp.cross(a, b)
     c = wp.max(wp.float64(1.0) + wp.dot(a, b), FOLD)
@@ -28,33 +28,33 @@ def transport(a: wp.vec3d, b: wp.vec3d, v: wp.vec3d):
 
 
 @wp.func
-def upright(t: wp.vec3d, m: wp.vec3d):
+def orthogonal_director(t: wp.vec3d, m: wp.vec3d):
     """The director m made a unit vector across t again."""
     return wp.normalize(m - t * wp.dot(t, m))
 
 
 @wp.func
-def turned(t: wp.vec3d, m: wp.vec3d, angle: wp.float64):
+def rotated_director(t: wp.vec3d, m: wp.vec3d, angle: wp.float64):
     """The director m across t, turned about t by an angle [rad]."""
     return m * wp.cos(angle) + wp.cross(t, m) * wp.sin(angle)
 
 
 @wp.func
-def near(angle: wp.float64, last: wp.float64):
+def unwrapped_angle(angle: wp.float64, last: wp.float64):
     """The angle [rad] plus the whole turns that bring it nearest to the last one: twist beyond half a turn a point is kept."""
     turn = wp.float64(6.283185307179586)
     return angle + turn * wp.round((last - angle) / turn)
 
 
 @wp.func
-def twist(t0: wp.vec3d, t1: wp.vec3d, m0: wp.vec3d, m1: wp.vec3d, last: wp.float64):
+def director_twist_angle(t0: wp.vec3d, t1: wp.vec3d, m0: wp.vec3d, m1: wp.vec3d, last: wp.float64):
     """Twist [rad] from edge 0 to edge 1, nearest to the last one."""
-    p = transport(t0, t1, m0)
-    return near(wp.atan2(wp.dot(wp.cross(p, m1), t1), wp.dot(p, m1)), last)
+    p = transport_director(t0, t1, m0)
+    return unwrapped_angle(wp.atan2(wp.dot(wp.cross(p, m1), t1), wp.dot(p, m1)), last)
 
 
 @wp.func
-def spinning(s: wp.vec3d, rest: wp.vec3d):
+def bending_spin_stiffness(s: wp.vec3d, rest: wp.vec3d):
     """Part of the stiffness of bending that the angles of two edges have, over B: the gradient of kappa 1 and 2 by either
     [1/rad], and what adds to the stiffness of each against itself.
 
@@ -73,7 +73,8 @@ def spinning(s: wp.vec3d, rest: wp.vec3d):
 
 @wp.func
 def spinning_damped(turn: wp.vec3d, u: wp.vec3d, w: wp.vec3d, gain: wp.float64):
-    """`spinning` with damping, whose stiffness is `gain` times the elastic one; u, w: gradients of the strains by both angles.
+    """`bending_spin_stiffness` with damping, whose stiffness is `gain` times the elastic one; u, w: gradients of the strains by
+    both angles.
 
     Damping has the mean d of these gradients, elasticity c of `turn`. c^2 + gain d^2 = (1 + gain) g^2 + gain (c - d)^2 / (1 +
     gain), g their weighed mean; what stands last acts on the sum of both angles, and counts twice for each."""
@@ -85,11 +86,11 @@ def spinning_damped(turn: wp.vec3d, u: wp.vec3d, w: wp.vec3d, gain: wp.float64):
 
 
 @cache
-def bend() -> SimpleNamespace:
+def rod_strain_functions() -> SimpleNamespace:
     """Struct Bend (strains of a point and their gradients), functions strains(t0, t1, l0, l1, m0, m1, last) -> Bend, rates."""
 
     @wp.struct
-    class Bend:
+    class BendStrains:
         s: wp.vec3d            # kappa 1, kappa 2, twist
         a: wp.mat33d           # rows: gradient of each by e0 [1/m]
         b: wp.mat33d           # rows: by e1
@@ -97,7 +98,8 @@ def bend() -> SimpleNamespace:
         w: wp.vec3d            # by that of edge 1
 
     @wp.func
-    def strains(t0: wp.vec3d, t1: wp.vec3d, l0: wp.float64, l1: wp.float64, m0: wp.vec3d, m1: wp.vec3d, last: wp.float64):
+    def discrete_rod_strains(t0: wp.vec3d, t1: wp.vec3d, l0: wp.float64, l1: wp.float64, m0: wp.vec3d, m1: wp.vec3d,
+                             last: wp.float64):
         half = wp.float64(0.5)
         n0 = wp.cross(t0, m0)
         n1 = wp.cross(t1, m1)
@@ -108,8 +110,8 @@ def bend() -> SimpleNamespace:
         n = (n0 + n1) / c
         k1 = half * wp.dot(n0 + n1, kb)
         k2 = -half * wp.dot(m0 + m1, kb)
-        f = Bend()
-        f.s = wp.vec3d(k1, k2, twist(t0, t1, m0, m1, last))
+        f = BendStrains()
+        f.s = wp.vec3d(k1, k2, director_twist_angle(t0, t1, m0, m1, last))
         f.a = wp.matrix_from_rows((wp.cross(t1, n) - t * k1) / l0, (-wp.cross(t1, m) - t * k2) / l0, kb * (half / l0))
         f.b = wp.matrix_from_rows((-wp.cross(t0, n) - t * k1) / l1, (wp.cross(t0, m) - t * k2) / l1, kb * (half / l1))
         f.u = wp.vec3d(-half * wp.dot(kb, m0), -half * wp.dot(kb, n0), wp.float64(-1.0))
@@ -117,8 +119,8 @@ def bend() -> SimpleNamespace:
         return f
 
     @wp.func
-    def rates(f: Bend, v0: wp.vec3d, v1: wp.vec3d, v2: wp.vec3d, w0: wp.float64, w1: wp.float64):
+    def strain_rates(f: BendStrains, v0: wp.vec3d, v1: wp.vec3d, v2: wp.vec3d, w0: wp.float64, w1: wp.float64):
         """Rates of the strains [1/s], of velocities of three points and spins of two edges."""
         return f.a * (v1 - v0) + f.b * (v2 - v1) + f.u * w0 + f.w * w1
 
-    return SimpleNamespace(Bend=Bend, strains=strains, rates=rates)
+    return SimpleNamespace(Bend=BendStrains, strains=discrete_rod_strains, rates=strain_rates)

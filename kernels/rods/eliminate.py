@@ -10,11 +10,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.tables import Strands, Trial
+from wsim.kernels.rods.tables import RodTable, RodTrial
 
 
 @wp.struct
-class Window:
+class EliminationWindow:
     """Blocks of three points in a row: diagonal, between the first and the second or third, second and third; right sides."""
 
     D0: wp.mat44d
@@ -29,22 +29,22 @@ class Window:
 
 
 @wp.func
-def even(D: wp.mat44d):
+def symmetric_part(D: wp.mat44d):
     """The symmetric part of a block. Rounding makes others of blocks, which grow from point to point: of strands of 200 points
     nothing was left of the forces' digits."""
     return (D + wp.transpose(D)) * wp.float64(0.5)
 
 
 @cache
-def eliminating(pressed: bool):
+def point_elimination_func(pressed: bool):
     """Function (T, w, i, k): the window moved on by a point, whose factors are stored."""
     @wp.func
-    def eliminate(T: Trial, w: Window, i: int, k: int):
+    def eliminate_point_block(T: RodTrial, w: EliminationWindow, i: int, k: int):
         L1 = wp.mat44d()
         L2 = wp.mat44d()
         y = wp.vec4d()
         if i >= 0:
-            D = even(wp.inverse(even(w.D0)))
+            D = symmetric_part(wp.inverse(symmetric_part(w.D0)))
             L1 = D * w.P
             L2 = D * w.F
             y = D * w.r0
@@ -56,7 +56,7 @@ def eliminating(pressed: bool):
                 T.b[i, k] = w.r0
         Pt = wp.transpose(w.P)
         Ft = wp.transpose(w.F)
-        new = Window()
+        new = EliminationWindow()
         new.D0 = w.D1 - Pt * L1
         new.P = w.N - Pt * L2
         new.D1 = w.D2 - Ft * L2
@@ -64,11 +64,11 @@ def eliminating(pressed: bool):
         new.r1 = w.r2 - Ft * y
         return new
 
-    return eliminate
+    return eliminate_point_block
 
 
 @wp.func
-def backward(S: Strands, T: Trial, k: int):
+def substitute_strand_backward(S: RodTable, T: RodTrial, k: int):
     """Solves, from the last point to the first; the greatest correction of a point [m]."""
     z1 = wp.vec4d()
     z2 = wp.vec4d()

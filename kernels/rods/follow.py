@@ -10,11 +10,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.tables import Motion, Strands
+from wsim.kernels.rods.tables import RodMotion, RodTable
 
 
 @wp.struct
-class Bound:
+class BoundPoints:
     """Edges that carry points, (points, edges)."""
 
     edge: wp.array2d(dtype=int)                     # rows of the flat tables of strands
@@ -24,10 +24,11 @@ class Bound:
 
 
 @cache
-def carrying(module: str):
+def carried_point_kernel(module: str):
     """Kernel over points: places [m] and velocities [m/s], world."""
     @wp.kernel(enable_backward=False, module=module)
-    def carry_points(S: Strands, Q: Motion, B: Bound, x_out: wp.array(dtype=wp.vec3d), v_out: wp.array(dtype=wp.vec3d)):
+    def carry_points(S: RodTable, Q: RodMotion, B: BoundPoints, x_out: wp.array(dtype=wp.vec3d),
+                     v_out: wp.array(dtype=wp.vec3d)):
         p = wp.tid()
         half = wp.float64(0.5)
         strands = S.points.shape[0]

@@ -11,12 +11,12 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.contact import MET, NEW, OLD, Colliders, Touch, forget, touching
-from wsim.kernels.rods.element import transport, turned, twist, upright
-from wsim.kernels.rods.eliminate import backward
-from wsim.kernels.rods.forces import memory
-from wsim.kernels.rods.system import forward, take
-from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
+from wsim.kernels.rods.contact import MET, NEW, OLD, Colliders, RodTouch, forget_contact_force, strand_touch_functions
+from wsim.kernels.rods.element import director_twist_angle, orthogonal_director, rotated_director, transport_director
+from wsim.kernels.rods.eliminate import substitute_strand_backward
+from wsim.kernels.rods.forces import multistep_memory
+from wsim.kernels.rods.system import apply_strand_corrections, strand_assembly_func
+from wsim.kernels.rods.tables import RodMotion, RodPins, RodStep, RodTable, RodTrial
 
 TOLERANCE = wp.constant(wp.float64(1e-6))    # last correction over the shortest edge; 1e-8 took twice the time
 MOST = wp.constant(50)                       # iterations; what is left then is told (wsim/physics/rods/method.py)
@@ -26,7 +26,7 @@ EARLY = wp.constant(8)                       # iterations that take full steps: 
 
 
 @wp.func
-def guess(S: Strands, H: Holds, Q: Motion, h: wp.float64, at: int, i: int, k: int):
+def predict_point_place(S: RodTable, H: RodPins, Q: RodMotion, h: wp.float64, at: int, i: int, k: int):
     """First guess of a place: free points go on as they did, held ones go where they are held."""
     row = S.hold[i, k]
     x = Q.x[i, k] + Q.v[i, k] * h
@@ -36,39 +36,39 @@ def guess(S: Strands, H: Holds, Q: Motion, h: wp.float64, at: int, i: int, k: in
 
 
 @wp.func
-def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, i: int, k: int):
+def begin_point(S: RodTable, H: RodPins, Q: RodMotion, T: RodTrial, h: wp.float64, at: int, i: int, k: int):
     """A first guess of a point, and of the edge behind it."""
-    x = guess(S, H, Q, h, at, i, k)
+    x = predict_point_place(S, H, Q, h, at, i, k)
     T.x[i, k] = x
     if T.hit:
-        forget(T, i, k)
+        forget_contact_force(T, i, k)
     if T.edge:
         T.edge[i, k] = wp.where(T.edge[i, k] >= MET, OLD, NEW)
     if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
         T.pull[i, k] = S.A[i, k] * (wp.length(Q.x[i + 1, k] - Q.x[i, k]) - S.length[i, k])
-        t = wp.normalize(guess(S, H, Q, h, at, i + 1, k) - x)
+        t = wp.normalize(predict_point_place(S, H, Q, h, at, i + 1, k) - x)
         old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
         if S.clamped[i, k] == 1:
             row = S.hold[i, k]
-            d = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
+            d = orthogonal_director(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
             T.d[i, k] = d
-            T.turn[i, k] = twist(old, t, Q.d[i, k], d, wp.float64(0.0))
+            T.turn[i, k] = director_twist_angle(old, t, Q.d[i, k], d, wp.float64(0.0))
         else:
             angle = Q.w[i, k][0] * h
-            T.d[i, k] = turned(t, upright(t, transport(old, t, Q.d[i, k])), angle)
+            T.d[i, k] = rotated_director(t, orthogonal_director(t, transport_director(old, t, Q.d[i, k])), angle)
             T.turn[i, k] = angle
 
 
 @wp.func
-def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: int):
+def begin_strand_trial(S: RodTable, H: RodPins, Q: RodMotion, T: RodTrial, h: wp.float64, at: int, k: int):
     """A first guess of a strand."""
     for i in range(S.points[k]):
         begin_point(S, H, Q, T, h, at, i, k)
 
 
 @wp.func
-def eased(share: wp.float64, z: wp.float64, before: wp.float64, count: int):
+def eased_newton_share(share: wp.float64, z: wp.float64, before: wp.float64, count: int):
     """Part of a step that is taken, after corrections of z behind those of before."""
     if count >= EARLY and z > (wp.float64(1.0) - CALM * share) * before:
         return wp.max(wp.float64(0.5) * share, LEAST)
@@ -76,13 +76,13 @@ def eased(share: wp.float64, z: wp.float64, before: wp.float64, count: int):
 
 
 @wp.func
-def spun(w: wp.vec3d, turn: wp.float64, b: wp.float64, h: wp.float64):
+def spin_after_turn(w: wp.vec3d, turn: wp.float64, b: wp.float64, h: wp.float64):
     """Spin [rad/s] after a turn [rad], the turn, the spin before."""
     return wp.vec3d((turn * (wp.float64(1.0) + b) - w[1] * b) / h, turn, w[0])
 
 
 @wp.func
-def borne(T: Trial, i: int, k: int):
+def edge_normal_forces(T: RodTrial, i: int, k: int):
     """Normal forces of colliders [N] at both places of an edge."""
     one = wp.float64(0.0)
     other = wp.float64(0.0)
@@ -97,29 +97,29 @@ def borne(T: Trial, i: int, k: int):
 def finish_point(kinds: tuple[str, ...]):
     """Function (S, C, Q, T, p, i, k) -> how deep a point is in a collider [m]: its velocity, and what the next substep
     remembers."""
-    meets, touch = bool(kinds), touching(kinds).touch if kinds else None
+    meets, touch = bool(kinds), strand_touch_functions(kinds).touch if kinds else None
 
     @wp.func
-    def finish(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
+    def finish_one_point(S: RodTable, C: Colliders, Q: RodMotion, T: RodTrial, p: RodStep, i: int, k: int):
         deep = wp.float64(0.0)
         d = T.x[i, k] - Q.x[i, k]
-        b = memory(Q, i, k)
+        b = multistep_memory(Q, i, k)
         v = (d * (wp.float64(1.0) + b) - Q.s[i, k] * b) / p.h
-        Q.w[i, k] = spun(Q.w[i, k], T.turn[i, k], b, p.h)
+        Q.w[i, k] = spin_after_turn(Q.w[i, k], T.turn[i, k], b, p.h)
         begun = int(1)
         if wp.static(meets):
-            t = Touch()
+            t = RodTouch()
             if T.hit:
-                forget(T, i, k)
+                forget_contact_force(T, i, k)
             if S.hold[i, k] < 0:
                 t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
             Q.stick[i, k] = t.s
             Q.load[i, k] = t.N
-            one, other = borne(T, i, k)                  # edges as the last correction found them: points are moving on
+            one, other = edge_normal_forces(T, i, k)     # edges as the last correction found them: points are moving on
             if one + other > wp.float64(0.0):
                 begun = int(0)
             if i > 0:
-                last1, last2 = borne(T, i - 1, k)
+                last1, last2 = edge_normal_forces(T, i - 1, k)
                 if last1 + last2 > wp.float64(0.0):
                     begun = int(0)
             stick1 = wp.vec3d()
@@ -145,32 +145,32 @@ def finish_point(kinds: tuple[str, ...]):
         Q.phi[i, k] = T.phi[i, k]
         return deep
 
-    return finish
+    return finish_one_point
 
 
 @cache
-def finish(kinds: tuple[str, ...]):
+def strand_finish_func(kinds: tuple[str, ...]):
     """Function (S, C, Q, T, p, k) -> how deep a strand is in a collider [m]: `finish_point` of all its points."""
     end = finish_point(kinds)
 
     @wp.func
-    def finish(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
+    def finish_whole_strand(S: RodTable, C: Colliders, Q: RodMotion, T: RodTrial, p: RodStep, k: int):
         deep = wp.float64(0.0)
         for i in range(S.points[k]):
             deep = wp.max(deep, end(S, C, Q, T, p, i, k))
         return deep
 
-    return finish
+    return finish_whole_strand
 
 
 @cache
-def strands(kinds: tuple[str, ...], airy: bool, module: str):
+def strand_march_kernel(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernel over strands. said: (strands, 3): most iterations of a substep; greatest last correction over the shortest edge's
     length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none. airy: with air."""
-    assemble, end = forward(kinds, airy), finish(kinds)
+    assemble, end = strand_assembly_func(kinds, airy), strand_finish_func(kinds)
 
     @wp.kernel(enable_backward=False, module=module)
-    def march_strands(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, h: wp.float64, substeps: int,
+    def march_strands(S: RodTable, H: RodPins, C: Colliders, Q: RodMotion, T: RodTrial, h: wp.float64, substeps: int,
                       said: wp.array2d(dtype=wp.float64)):
         k = wp.tid()
         short = S.length[0, k]
@@ -180,10 +180,10 @@ def strands(kinds: tuple[str, ...], airy: bool, module: str):
         left = wp.float64(0.0)
         deep = wp.float64(0.0)
         for at in range(substeps):
-            p = Step()
+            p = RodStep()
             p.h = h
             p.at = at
-            begin(S, H, Q, T, h, at, k)
+            begin_strand_trial(S, H, Q, T, h, at, k)
             z = short
             before = short
             share = wp.float64(1.0)
@@ -191,13 +191,13 @@ def strands(kinds: tuple[str, ...], airy: bool, module: str):
             count = int(0)
             while count < MOST and off > TOLERANCE * short:
                 assemble(S, C, Q, T, p, k)
-                z = backward(S, T, k)
+                z = substitute_strand_backward(S, T, k)
                 off = z
                 if T.hit:
                     off = wp.max(z, T.drawn[k])
                     T.drawn[k] = wp.float64(0.0)
-                share = eased(share, z, before, count)
-                take(S, T, share * wp.min(wp.float64(1.0), short / wp.max(z, short * wp.float64(1e-12))), k)
+                share = eased_newton_share(share, z, before, count)
+                apply_strand_corrections(S, T, share * wp.min(wp.float64(1.0), short / wp.max(z, short * wp.float64(1e-12))), k)
                 before = z
                 count += 1
             deep = wp.max(deep, end(S, C, Q, T, p, k))

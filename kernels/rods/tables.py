@@ -6,7 +6,7 @@ import warp as wp
 
 
 @wp.struct
-class Strands:
+class RodTable:
     """Constants of strands. An edge has the number of its first point; the last point has none."""
 
     points: wp.array(dtype=int)                     # of each strand
@@ -33,7 +33,7 @@ class Strands:
 
 
 @wp.struct
-class Holds:
+class RodPins:
     """Points that pins hold, and directors of edges."""
 
     pin: wp.array(dtype=int)
@@ -43,7 +43,7 @@ class Holds:
 
 
 @wp.struct
-class Motion:
+class RodMotion:
     """State of points and edges."""
 
     x: wp.array2d(dtype=wp.vec3d)                   # position [m] relative to the strand's origin
@@ -63,7 +63,7 @@ class Motion:
 
 
 @wp.struct
-class Trial:
+class RodTrial:
     """A substep that is being solved for, and the factors of its system (blocks of 4: three of a point, one of its edge)."""
 
     x: wp.array2d(dtype=wp.vec3d)
@@ -96,7 +96,7 @@ class Trial:
 
 
 @wp.struct
-class Pressed:
+class EdgePairs:
     """What pairs of edges have (kernels/rods/edges/touch.py), by pair, besides the list's; `of`, `many` by point."""
 
     kept: wp.array(dtype=wp.float64)               # distance that it keeps now [m]; negative: not known yet
@@ -116,7 +116,7 @@ class Pressed:
 
 
 @wp.struct
-class Borne:
+class RodContacts:
     """Contacts of strands with rigid bodies (kernels/rigid/touch/strands.py): by flat row of a point, which the edge behind it
     shares, and their number there, (points, room); by site (kernels/rigid/touch/strand_contacts.py), (points, 3); by body."""
 
@@ -131,7 +131,7 @@ class Borne:
     s: wp.array2d(dtype=wp.vec3d)                   # bristle there where the substep ends [m]
     deep: wp.array2d(dtype=wp.float64)              # how deep that is [m]
     near: wp.array(dtype=int)                       # of worlds: 1, a body may be met in this substep
-    rough: wp.array(dtype=int)                      # of worlds: those of `Coupled`
+    rough: wp.array(dtype=int)                      # of worlds: those of `CoupledRods`
     count: wp.array(dtype=int)
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
     start: wp.array(dtype=int)                      # contacts of each body, and their number, (bodies + 1,)
@@ -148,7 +148,7 @@ class Borne:
 
 
 @wp.struct
-class Step:
+class RodStep:
     """A substep of h [s], the one of that number in its frame."""
 
     h: wp.float64

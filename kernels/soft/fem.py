@@ -21,13 +21,13 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.hessian import elements_of
-from wsim.kernels.math.marks import whole
+from wsim.kernels.math.marks import writes_all
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import identity, rotation
+from wsim.kernels.math.rotation import identity_like, polar_rotation
 from wsim.kernels.soft import material as materials
-from wsim.kernels.soft.material import hooke
-from wsim.kernels.soft.principal import forth, held, strain, symmetric
-from wsim.kernels.solver.line_search import Trial
+from wsim.kernels.soft.material import hooke_stress
+from wsim.kernels.soft.principal import clamp_entries, corotated_strain, rotate_matrix, symmetrised_matrix
+from wsim.kernels.solver.line_search import LineSearchTrial
 
 D = types(wp.float64)
 
@@ -38,7 +38,7 @@ def elements(real):
     t = types(real)
 
     @wp.struct
-    class Tets:
+    class LinearTets:
         point: wp.array(dtype=wp.vec4i)          # (t,)
         edge: wp.array(dtype=t.mat33)            # rows r_1, r_2, r_3 [m], (t,)
         gradient: wp.array(dtype=t.mat33)        # rows g_1, g_2, g_3 [1/m], (t,)
@@ -49,16 +49,16 @@ def elements(real):
         force: int                               # place of the first corner's force
         block: int                               # place of the first tet's blocks
 
-    return Tets
+    return LinearTets
 
 
 @cache
-def displaced(real, kept):
+def linear_displacement(real, kept):
     """Functions, in precision `kept`, of tet c: H of x + d, and the gradient of a vector over points."""
     t, k, Tets = types(real), types(kept), elements(real)
 
     @wp.func
-    def gradient(tets: Tets, c: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
+    def displacement_gradient(tets: Tets, c: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
         p = tets.point[c]
         r = tets.edge[c]
         x0 = k.vec3(x[p[0]])
@@ -69,7 +69,7 @@ def displaced(real, kept):
         return wp.transpose(u) * k.mat33(tets.gradient[c])
 
     @wp.func
-    def change(tets: Tets, c: int, v: wp.array(dtype=t.vec3)):
+    def gradient_of_vector(tets: Tets, c: int, v: wp.array(dtype=t.vec3)):
         p = tets.point[c]
         v0 = k.vec3(v[p[0]])
         u = k.mat33()
@@ -77,13 +77,13 @@ def displaced(real, kept):
             u[i] = k.vec3(v[p[i + 1]]) - v0
         return wp.transpose(u) * k.mat33(tets.gradient[c])
 
-    return gradient, change
+    return displacement_gradient, gradient_of_vector
 
 
 @wp.func
 def rate_stress(F: Any, dF: Any, mu: Any, lam: Any):
     """F (2 mu e + lam tr e), e = sym(F^T dF)."""
-    return F * hooke(symmetric(wp.transpose(F) * dF), mu, lam)
+    return F * hooke_stress(symmetrised_matrix(wp.transpose(F) * dF), mu, lam)
 
 
 @wp.func
@@ -94,7 +94,7 @@ def rate_block(g: Any, h: Any, mu: Any, lam: Any):
 
 
 @wp.func
-def halves(B: Any):
+def symmetric_halves(B: Any):
     """S, T: (f + t)/2 and (f - t)/2 of each pair, 0 on the diagonal; f stands above it in B, t below."""
     half = type(B[0, 0])(0.5)
     S = half * (B + wp.transpose(B))
@@ -106,7 +106,7 @@ def halves(B: Any):
 
 
 @wp.func
-def spread(at: int, Q: Any, G: Any, f_out: Any):
+def spread_corner_forces(at: int, Q: Any, G: Any, f_out: Any):
     """Q g_k to the corners 1, 2, 3 from place `at` on, minus their sum to corner 0."""
     f1 = Q * G[0]
     f2 = Q * G[1]
@@ -129,25 +129,26 @@ def turn_of(material: str, real):
     t, turns = types(real), materials.TABLE[material].turns
 
     @wp.func
-    def still(H: t.mat33, q: t.quat):
+    def identity_rotation(H: t.mat33, q: t.quat):
         return t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
 
     @wp.func
-    def turn(H: t.mat33, q: t.quat):
-        return rotation(H, q)
+    def follow_rotation(H: t.mat33, q: t.quat):
+        return polar_rotation(H, q)
 
-    return turn if turns else still
+    return follow_rotation if turns else identity_rotation
 
 
 @cache
-def force(material: str, damped: bool, real):
+def tet_force_function(material: str, damped: bool, real):
     """Function of tet c: what `forces` does for it."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (gradient, change), stress, turn, turns = displaced(real, real), row.stress, turn_of(material, real), row.needs_rotation
+    (gradient, change), stress, turn, turns = (linear_displacement(real, real), row.stress, turn_of(material, real),
+                                               row.needs_rotation)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     @wp.func
-    def force(tets: Tets, c: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
+    def tet_force(tets: Tets, c: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
         H = gradient(tets, c, x, d)
         now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
         if wp.static(turns):
@@ -155,25 +156,26 @@ def force(material: str, damped: bool, real):
             q_out[c] = now
         P = stress(H, now, tets.mu[c], tets.lam[c])
         if wp.static(damped):
-            P += tets.tau[c] * rate_stress(identity(H) + held(H), change(tets, c, v), tets.mu[c], tets.lam[c])
-        spread(tets.force + 4 * c, -tets.volume[c] * P, tets.gradient[c], f_out)
+            P += tets.tau[c] * rate_stress(identity_like(H) + clamp_entries(H), change(tets, c, v), tets.mu[c], tets.lam[c])
+        spread_corner_forces(tets.force + 4 * c, -tets.volume[c] * P, tets.gradient[c], f_out)
 
-    return force
+    return tet_force
 
 
 @cache
 def forces(material: str, damped: bool, *, real, module):
-    """Kernel over tets: forces [N] of corner k of tet c at `force` + 4 c + k, and quaternions of their rotations, (t,).
+    """Kernel over tets: forces [N] of corner k of tet c at `tet_force_function` + 4 c + k, and quaternions of their rotations,
+    (t,).
 
     The kernel's arguments: tets, x, d, v (velocities [m/s]), q (of a nearby state; zeros stand for none), f_out, q_out."""
-    t, Tets, one = types(real), elements(real), force(material, damped, real)
+    t, Tets, one = types(real), elements(real), tet_force_function(material, damped, real)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def forces(tets: Tets, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
+    def tet_forces(tets: Tets, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
         one(tets, wp.tid(), x, d, v, q, f_out, q_out)
 
     name = f"fem_forces_{material}{'_damped' * damped}_{t.name}"
-    return whole(wp.kernel(forces, name=name, module=module, enable_backward=False))
+    return writes_all(wp.kernel(tet_forces, name=name, module=module, enable_backward=False))
 
 
 @cache
@@ -181,11 +183,11 @@ def linearise(material: str, damped: bool, *, real, module):
     """Kernel over tets: forces as `forces` has them, and the blocks A_01, A_02, A_03, A_12, A_13, A_23 [N/m] of tet c from
     `block` + 6 c on. `rate` 1/g: what the damping is multiplied by."""
     t, Tets, Elements, row = types(real), elements(real), elements_of(real), materials.TABLE[material]
-    gradient, change = displaced(real, real)
+    gradient, change = linear_displacement(real, real)
     stress, spectrum, turn = row.stress, row.spectrum, turn_of(material, real)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def linearise(tets: Tets, x: vec3, d: vec3, a: vec3, q: quat, rate: real, q_out: quat, out: Elements):
+    def linearise_tets(tets: Tets, x: vec3, d: vec3, a: vec3, q: quat, rate: real, q_out: quat, out: Elements):
         c = wp.tid()
         H = gradient(tets, c, x, d)
         mu = tets.mu[c]
@@ -196,14 +198,14 @@ def linearise(material: str, damped: bool, *, real, module):
         G = tets.gradient[c]
         V, A, B = spectrum(H, now, mu, lam)
         Y = G * V
-        S, T = halves(B)
-        U = tets.volume[c] * forth(now, V)
-        W = wp.transpose(forth(now, V))
-        F = identity(H) + held(H)
+        S, T = symmetric_halves(B)
+        U = tets.volume[c] * rotate_matrix(now, V)
+        W = wp.transpose(rotate_matrix(now, V))
+        F = identity_like(H) + clamp_entries(H)
         s = rate * tets.tau[c]
         if wp.static(damped):
             P += s * rate_stress(F, change(tets, c, d) - change(tets, c, a), mu, lam)
-        spread(tets.force + 4 * c, -tets.volume[c] * P, G, out.force)
+        spread_corner_forces(tets.force + 4 * c, -tets.volume[c] * P, G, out.force)
         at = tets.block + 6 * c
         three = int(3)                                    # a variable: nine blocks unrolled take a second more to compile
         for j in range(three):
@@ -218,18 +220,18 @@ def linearise(material: str, damped: bool, *, real, module):
             out.block[at + j] = -sum                      # A_0j
 
     name = f"fem_linearise_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(linearise, name=name, module=module, enable_backward=False)
+    return wp.kernel(linearise_tets, name=name, module=module, enable_backward=False)
 
 
 @cache
 def energy_change(material: str, damped: bool, *, real, module):
-    """Kernel over bodies times lanes: adds the change of energy and damping along p to a `Trial`; see
+    """Kernel over bodies times lanes: adds the change of energy and damping along p to a `LineSearchTrial`; see
     kernels/solver/line_search.py. In float64; no energy needs a rotation, q is not read."""
     t, Tets, energy = types(real), elements(real), materials.TABLE[material].energy
-    gradient, change = displaced(real, wp.float64)
+    gradient, change = linear_displacement(real, wp.float64)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def energy_change(trial: Trial, tets: Tets, x: vec3, d: vec3, a: vec3, p: vec3, q: quat, rate: wp.float64):
+    def tet_energy_change(trial: LineSearchTrial, tets: Tets, x: vec3, d: vec3, a: vec3, p: vec3, q: quat, rate: wp.float64):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
@@ -245,7 +247,7 @@ def energy_change(material: str, damped: bool, *, real, module):
             slope = wp.float64(0.0)
             curve = wp.float64(0.0)
             if wp.static(damped):
-                F = identity(H) + held(H)
+                F = identity_like(H) + clamp_entries(H)
                 P = rate_stress(F, Y, mu, lam)
                 s = rate * wp.float64(tets.tau[c])
                 slope = s * wp.ddot(P, change(tets, c, d) - change(tets, c, a))
@@ -262,7 +264,7 @@ def energy_change(material: str, damped: bool, *, real, module):
                     part *= wp.float64(0.5)
 
     name = f"fem_change_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(energy_change, name=name, module=module, enable_backward=False)
+    return wp.kernel(tet_energy_change, name=name, module=module, enable_backward=False)
 
 
 @cache
@@ -271,10 +273,10 @@ def statistics(material: str, *, real, module):
     |E|^2 V [m^3], and the energy [J], (threads,) vec3d, as many threads for each world. Arguments: tets, count,
     worlds, x, d, q, out."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (gradient, _), energy = displaced(real, wp.float64), row.energy
+    (gradient, _), energy = linear_displacement(real, wp.float64), row.energy
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def statistics(tets: Tets, count: int, worlds: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
+    def tet_statistics(tets: Tets, count: int, worlds: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
         lanes = out.shape[0] // worlds
         world = wp.tid() // lanes
         each = count // worlds
@@ -283,8 +285,8 @@ def statistics(material: str, *, real, module):
         stored = wp.float64(0.0)
         for c in range(world * each + wp.tid() % lanes, (world + 1) * each, lanes):
             H = gradient(tets, c, x, d)
-            now = wp.normalize(D.quat(rotation(t.mat33(H), q[c])))
-            E = strain(H, now)
+            now = wp.normalize(D.quat(polar_rotation(t.mat33(H), q[c])))
+            E = corotated_strain(H, now)
             ee = wp.ddot(E, E)
             volume = wp.float64(tets.volume[c])
             most = wp.max(most, wp.sqrt(ee))
@@ -292,4 +294,4 @@ def statistics(material: str, *, real, module):
             stored += volume * energy(H, now, wp.float64(tets.mu[c]), wp.float64(tets.lam[c]))
         out[wp.tid()] = wp.vec3d(most, squares, stored)
 
-    return wp.kernel(statistics, name=f"fem_statistics_{material}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(tet_statistics, name=f"fem_statistics_{material}_{t.name}", module=module, enable_backward=False)

@@ -21,27 +21,27 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.corner_gradients import reader, works
+from wsim.kernels.cloth.corner_gradients import adjoint_works, corner_reader
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import identity
+from wsim.kernels.math.rotation import identity_like
 from wsim.kernels.soft import fem, pressure, shape10
 from wsim.kernels.soft import material as materials
 from wsim.kernels.soft.fem import turn_of
-from wsim.kernels.soft.fem10 import spread as spread_ten
-from wsim.kernels.soft.material import hooke
-from wsim.kernels.soft.principal import held, symmetric
+from wsim.kernels.soft.fem10 import spread_node_forces as spread_ten
+from wsim.kernels.soft.material import hooke_stress
+from wsim.kernels.soft.principal import clamp_entries, symmetrised_matrix
 from wsim.kernels.soft.shape10 import NODES, POINTS
 
 
 @wp.func
 def damped_product(F: Any, dF: Any, Y: Any, mu: Any, lam: Any):
     """By F and by dF of Y : F h(sym(F^T dF))."""
-    S = hooke(symmetric(wp.transpose(F) * Y), mu, lam)
-    return Y * hooke(symmetric(wp.transpose(F) * dF), mu, lam) + dF * S, F * S
+    S = hooke_stress(symmetrised_matrix(wp.transpose(F) * Y), mu, lam)
+    return Y * hooke_stress(symmetrised_matrix(wp.transpose(F) * dF), mu, lam) + dF * S, F * S
 
 
 @cache
-def products(material: str, real, damped: bool):
+def tet_product_functions(material: str, real, damped: bool):
     """Functions of one point of a tet, of (H, q, dF, Y) and of (mu, lam, tau): the stresses Q and R that stand for positions
     and for velocities; and, of Q and R too, Y : P by mu, lam and tau with what gives the gradients by the edges at rest."""
     row = materials.TABLE[material]
@@ -53,14 +53,14 @@ def products(material: str, real, damped: bool):
         Q = derivative(H, q, Y, mu, lam)
         R = M()
         if wp.static(damped):
-            A, B = damped_product(identity(H) + held(H), dF, Y, mu, lam)
+            A, B = damped_product(identity_like(H) + clamp_entries(H), dF, Y, mu, lam)
             Q = Q + tau * A
             R = tau * B
         return Q, R
 
     @wp.func
     def by_parameters(H: M, q: quat, dF: M, Y: M, k: vec3, Q: M, R: M):
-        F = identity(H) + held(H)
+        F = identity_like(H) + clamp_entries(H)
         A = stress(H, q, real(1.0), real(0.0))
         B = stress(H, q, real(0.0), real(1.0))
         P = k[0] * A + k[1] * B
@@ -69,21 +69,21 @@ def products(material: str, real, damped: bool):
         r = real(0.0)
         K = wp.transpose(F) * Q
         if wp.static(damped):                            # Y : F h(e) = mu a + lam b
-            e, s = symmetric(wp.transpose(F) * dF), symmetric(wp.transpose(F) * Y)
+            e, s = symmetrised_matrix(wp.transpose(F) * dF), symmetrised_matrix(wp.transpose(F) * Y)
             a = real(2.0) * wp.ddot(e, s)
             b = wp.trace(e) * wp.trace(s)
-            P = P + k[2] * (F * hooke(e, k[0], k[1]))
+            P = P + k[2] * (F * hooke_stress(e, k[0], k[1]))
             m += k[2] * a
             n += k[2] * b
             r = k[0] * a + k[1] * b
             K = K + wp.transpose(dF) * R
-        return vec3(m, n, r), K + wp.transpose(Y) * P - (k[0] * m + k[1] * n) * identity(H)
+        return vec3(m, n, r), K + wp.transpose(Y) * P - (k[0] * m + k[1] * n) * identity_like(H)
 
     return by_motion, by_parameters
 
 
 @wp.func
-def add(by: Any, c: int, s: Any, V: Any, K: Any, G: Any):
+def add_tet_gradients(by: Any, c: int, s: Any, V: Any, K: Any, G: Any):
     """Adds gradients by mu, lam and tau of tet c, and by its edges at rest, V K g_k."""
     by.mu[c] = by.mu[c] + s[0]
     by.lam[c] = by.lam[c] + s[1]
@@ -92,16 +92,16 @@ def add(by: Any, c: int, s: Any, V: Any, K: Any, G: Any):
 
 
 @cache
-def linear(material: str, damped: bool, real, module, parameters: bool, direct: bool):
+def linear_adjoint_kernel(material: str, damped: bool, real, module, parameters: bool, direct: bool):
     """Kernel over tets of four nodes: at the places of the nodes' forces the gradients by their positions, and those by their
     velocities at `rates`; direct: of p, else of what stands at those places; parameters: adds by mu, lam, tau, edges.
     Arguments: tets, x, d, v, q, work, by."""
     t, Tets = types(real), fem.elements(real)
-    (gradient, change), turn = fem.displaced(real, real), turn_of(material, real)
-    by_motion, by_parameters = products(material, real, damped)
-    vec3, Work, by_force = wp.array(dtype=t.vec3), works(real), reader(real, direct)
+    (gradient, change), turn = fem.linear_displacement(real, real), turn_of(material, real)
+    by_motion, by_parameters = tet_product_functions(material, real, damped)
+    vec3, Work, by_force = wp.array(dtype=t.vec3), adjoint_works(real), corner_reader(real, direct)
 
-    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), w: Work, by: Tets):
+    def linear_tet_adjoint(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), w: Work, by: Tets):
         c = wp.tid()
         H = gradient(tets, c, x, d)
         now = turn(H, q[c])
@@ -120,25 +120,26 @@ def linear(material: str, damped: bool, real, module, parameters: bool, direct: 
         mu = tets.mu[c]
         lam = tets.lam[c]
         Q, R = by_motion(H, now, dF, Y, mu, lam, tau)
-        fem.spread(at, V * Q, G, w.corners)
+        fem.spread_corner_forces(at, V * Q, G, w.corners)
         if wp.static(damped):
-            fem.spread(at, V * R, G, w.rates)
+            fem.spread_corner_forces(at, V * R, G, w.rates)
         if wp.static(parameters):
             moduli, K = by_parameters(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
-            add(by, c, V * moduli, -V, K, G)
+            add_tet_gradients(by, c, V * moduli, -V, K, G)
 
-    return _kernel(back, "tet", material, damped, real, module, parameters, direct)
+    return _soft_adjoint_kernel(linear_tet_adjoint, "tet", material, damped, real, module, parameters, direct)
 
 
 @cache
-def quadratic(material: str, damped: bool, real, module, parameters: bool, direct: bool):
-    """As `linear`, of ten nodes."""
+def quadratic_adjoint_kernel(material: str, damped: bool, real, module, parameters: bool, direct: bool):
+    """As `linear_adjoint_kernel`, of ten nodes."""
     t, Tets, turn = types(real), shape10.elements(real), turn_of(material, real)
-    (slopes, moved, change), turns = shape10.displaced(real, real), materials.TABLE[material].needs_rotation
-    by_motion, by_parameters = products(material, real, damped)
-    vec3, ten, Work, by_force = wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real), works(real), reader(real, direct)
+    (slopes, moved, change), turns = shape10.quadratic_displacement(real, real), materials.TABLE[material].needs_rotation
+    by_motion, by_parameters = tet_product_functions(material, real, damped)
+    vec3, ten, Work, by_force = (wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real), adjoint_works(real),
+                                 corner_reader(real, direct))
 
-    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), work: Work, by: Tets):
+    def quadratic_tet_adjoint(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), work: Work, by: Tets):
         c = wp.tid()
         u = moved(tets, c, x, d)
         nodes = tets.point.shape[1]
@@ -161,9 +162,9 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool, direc
         points = int(POINTS)
         for a in range(points):
             N = slopes(tets, c, a)
-            H = shape10.gradient(u, N, nodes)
-            Y = shape10.gradient(y, N, nodes)
-            dF = shape10.gradient(w, N, nodes)
+            H = shape10.node_field_gradient(u, N, nodes)
+            Y = shape10.node_field_gradient(y, N, nodes)
+            dF = shape10.node_field_gradient(w, N, nodes)
             now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
             if wp.static(turns):
                 now = turn(H, q[4 * c + a])
@@ -180,18 +181,18 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool, direc
         if wp.static(damped):
             spread_ten(at, nodes, V, r, work.rates)
         if wp.static(parameters):
-            add(by, c, V * moduli, -V, K, tets.gradient[c])
+            add_tet_gradients(by, c, V * moduli, -V, K, tets.gradient[c])
 
-    return _kernel(back, "ten", material, damped, real, module, parameters, direct)
+    return _soft_adjoint_kernel(quadratic_tet_adjoint, "ten", material, damped, real, module, parameters, direct)
 
 
 @cache
-def pressed(real, module, parameters: bool, direct: bool):
-    """As `linear`, of triangles under pressure. Arguments: triangles, x, d, work, by."""
-    t, Triangles = types(real), pressure.elements(real)
-    vec3, Work, by_force = wp.array(dtype=t.vec3), works(real), reader(real, direct)
+def pressure_adjoint_kernel(real, module, parameters: bool, direct: bool):
+    """As `linear_adjoint_kernel`, of triangles under pressure. Arguments: triangles, x, d, work, by."""
+    t, Triangles = types(real), pressure.pressure_tables(real)
+    vec3, Work, by_force = wp.array(dtype=t.vec3), adjoint_works(real), corner_reader(real, direct)
 
-    def back(tri: Triangles, x: vec3, d: vec3, w: Work, by: Triangles):
+    def pressure_force_adjoint(tri: Triangles, x: vec3, d: vec3, w: Work, by: Triangles):
         c = wp.tid()
         p = tri.point[c]
         u = (x[p[1]] - x[p[0]]) + (d[p[1]] - d[p[0]])
@@ -206,10 +207,10 @@ def pressed(real, module, parameters: bool, direct: bool):
         if wp.static(parameters):
             by.pressure[c] = by.pressure[c] + wp.dot(g, wp.cross(u, v))
 
-    return _kernel(back, "pressed", "", False, real, module, parameters, direct)
+    return _soft_adjoint_kernel(pressure_force_adjoint, "pressed", "", False, real, module, parameters, direct)
 
 
-def _kernel(function, kind: str, material: str, damped: bool, real, module, parameters: bool, direct: bool):
+def _soft_adjoint_kernel(function, kind: str, material: str, damped: bool, real, module, parameters: bool, direct: bool):
     """Two kernels of one name would be one."""
     name = "_".join(["adjoint", kind, material, *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct,
                      types(real).name])

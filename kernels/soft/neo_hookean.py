@@ -17,13 +17,13 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.eigen import eigen
-from wsim.kernels.math.rotation import identity
-from wsim.kernels.soft.principal import LARGEST, held, off_diagonal, positive_part, strain
+from wsim.kernels.math.eigen import eigen_three
+from wsim.kernels.math.rotation import identity_like
+from wsim.kernels.soft.principal import LARGEST, clamp_entries, corotated_strain, off_diagonal, positive_part
 
 
 @wp.func
-def cofactor(A: Any):
+def cofactor_matrix(A: Any):
     """cof A = det(A) A^-T = d det(A) / dA; of any A."""
     return wp.matrix_from_rows(wp.cross(A[1], A[2]), wp.cross(A[2], A[0]), wp.cross(A[0], A[1]))
 
@@ -51,9 +51,9 @@ def less_log(x: Any):
 
 
 @wp.func
-def invariants(H: Any):
+def neo_hookean_invariants(H: Any):
     """x, j, and w = |H|^2/2 - c2 - c3."""
-    C = cofactor(H)
+    C = cofactor_matrix(H)
     t = wp.trace(H)
     c = wp.trace(C) + wp.dot(H[0], C[0])
     hh = type(t)(0.5) * wp.ddot(H, H)
@@ -70,7 +70,7 @@ def neo_hookean_volume(j: Any, mu: Any, lam: Any):
 @wp.func
 def neo_hookean_energy(H: Any, q: Any, mu: Any, lam: Any):
     """Psi [J/m^3], 0 at rest; q is not read."""
-    x, j, w = invariants(held(H))
+    x, j, w = neo_hookean_invariants(clamp_entries(H))
     volume, k = neo_hookean_volume(j, mu, lam)
     half = type(mu)(0.5)
     return mu * w + type(mu)(wp.static(2.0 / 3.0)) * mu * less_log(x) + volume * k * (j - half * k)
@@ -79,12 +79,12 @@ def neo_hookean_energy(H: Any, q: Any, mu: Any, lam: Any):
 @wp.func
 def neo_hookean_stress(H: Any, q: Any, mu: Any, lam: Any):
     """P [Pa], see the top; q is not read."""
-    G = held(H)
-    x, j, w = invariants(G)
+    G = clamp_entries(H)
+    x, j, w = neo_hookean_invariants(G)
     volume, k = neo_hookean_volume(j, mu, lam)
-    C = cofactor(G)
+    C = cofactor_matrix(G)
     t = wp.trace(G)
-    one = identity(G)
+    one = identity_like(G)
     cof = C + (one + t * one - wp.transpose(G))        # cof F = 1 + tr H - H^T + cof H
     shear = mu * (x / (type(mu)(3.0) * (type(mu)(1.0) + x)))
     return mu * (G + wp.transpose(G) - t * one - C) + shear * (one + G) + (volume * k) * cof
@@ -93,7 +93,7 @@ def neo_hookean_stress(H: Any, q: Any, mu: Any, lam: Any):
 @wp.func
 def neo_hookean_factors(H: Any, mu: Any, lam: Any):
     """m, c, b, L of P = m F + L cof F, m = 4/3 mu I/(I + 1), L = lam' j - mu, c = dm/dI times 2, b = dL/dJ [Pa]."""
-    x, j, w = invariants(H)
+    x, j, w = neo_hookean_invariants(H)
     volume, k = neo_hookean_volume(j, mu, lam)
     d = type(mu)(1.0) / (type(mu)(1.0) + x)            # 4 / (I + 1)
     third = type(mu)(wp.static(1.0 / 3.0)) * mu
@@ -106,23 +106,23 @@ def neo_hookean_factors(H: Any, mu: Any, lam: Any):
 @wp.func
 def neo_hookean_derivative(H: Any, q: Any, dF: Any, mu: Any, lam: Any):
     """dP = m dF + c (F:dF) F + b (cof F:dF) cof F + L dcof F [Pa]; q is not read."""
-    G = held(H)
+    G = clamp_entries(H)
     m, c, b, L = neo_hookean_factors(G, mu, lam)
-    F = identity(G) + G
-    cof = cofactor(F)
+    F = identity_like(G) + G
+    cof = cofactor_matrix(F)
     return m * dF + (c * wp.ddot(F, dF)) * F + (b * wp.ddot(cof, dF)) * cof + L * cofactor_change(F, dF)
 
 
 @wp.func
 def neo_hookean_spectrum(H: Any, q: Any, mu: Any, lam: Any):
     """V, A, B of the positive part: f, t = m -+ L s_k (Smith, de Goes, Kim 2019, section 4), A the rest in stretches."""
-    G = held(H)
+    G = clamp_entries(H)
     m, c, b, L = neo_hookean_factors(G, mu, lam)
-    e, V = eigen(strain(G, q))
+    e, V = eigen_three(corotated_strain(G, q))
     one = type(mu)(1.0)
     s = e + wp.vector(one, one, one)
     p = wp.vector(s[1] * s[2], s[2] * s[0], s[0] * s[1])
-    A = m * identity(G) + c * wp.outer(s, s) + b * wp.outer(p, p)
+    A = m * identity_like(G) + c * wp.outer(s, s) + b * wp.outer(p, p)
     cross = wp.matrix_from_rows(wp.vector(one - one, s[2], s[1]), wp.vector(s[2], one - one, s[0]),
                                 wp.vector(s[1], s[0], one - one))
     ms = wp.vector(m, m, m)

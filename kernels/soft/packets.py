@@ -11,7 +11,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.soft.fem import elements, force
+from wsim.kernels.soft.fem import elements, tet_force_function
 from wsim.kernels.soft.principal import LARGEST
 
 EIGHT = 8              # tets of a packet
@@ -197,7 +197,7 @@ STRESSES = {"corotational": (ROTATION, HOOKE, KEEP), "neo_hookean": ("", NEO_HOO
 
 
 @cache
-def packet(material: str, damped: bool, real):
+def tet_packet_function(material: str, damped: bool, real):
     """Function: forces, and rotations, of the tets first .. first + 7 of size, `some`; returns the bits of those left."""
     t, Tets = types(real), elements(real)
     name, whole = NAMES[real]
@@ -208,11 +208,12 @@ def packet(material: str, damped: bool, real):
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     @wp.func_native(code)
-    def packet(tets: Tets, x: vec3, d: vec3, v: vec3, q_in: quat, some: wp.vec2i, f_out: vec3, q_out: quat) -> int: ...
+    def native_tet_packet(tets: Tets, x: vec3, d: vec3, v: vec3, q_in: quat, some: wp.vec2i, f_out: vec3,
+                          q_out: quat) -> int: ...
 
     @wp.func(inline=False)                               # compiled once, for all kernels of the module
     def packet_of(tets: Tets, x: vec3, d: vec3, v: vec3, q_in: quat, some: wp.vec2i, f_out: vec3, q_out: quat):
-        return packet(tets, x, d, v, q_in, some, f_out, q_out)
+        return native_tet_packet(tets, x, d, v, q_in, some, f_out, q_out)
 
     return packet_of
 
@@ -220,14 +221,15 @@ def packet(material: str, damped: bool, real):
 @cache
 def forces(material: str, damped: bool, *, real, module):
     """Kernel over packets: as `wsim.kernels.soft.fem.forces`. size: tets."""
-    t, Tets, eight, one = types(real), elements(real), packet(material, damped, real), force(material, damped, real)
+    t, Tets, eight, one = (types(real), elements(real), tet_packet_function(material, damped, real),
+                           tet_force_function(material, damped, real))
     vec3, quat, many, turns = wp.array(dtype=t.vec3), wp.array(dtype=t.quat), EIGHT, bool(STRESSES[material][0])
 
     @wp.func(inline=False)
     def left_over(tets: Tets, c: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
         one(tets, c, x, d, v, q, f_out, q_out)
 
-    def forces(tets: Tets, size: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
+    def packet_tet_forces(tets: Tets, size: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
         first = wp.static(many) * wp.tid()
         left = eight(tets, x, d, v, q, wp.vec2i(first, size), f_out, q_out)
         if wp.static(turns):
@@ -239,4 +241,4 @@ def forces(material: str, damped: bool, *, real, module):
                 k += 1
 
     name = f"fem_packets_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(forces, name=name, module=module, enable_backward=False)
+    return wp.kernel(packet_tet_forces, name=name, module=module, enable_backward=False)

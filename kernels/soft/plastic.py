@@ -19,11 +19,11 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.eigen import eigen
+from wsim.kernels.math.eigen import eigen_three
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import identity, rotation
-from wsim.kernels.soft.fem import displaced, elements
-from wsim.kernels.soft.principal import strain
+from wsim.kernels.math.rotation import identity_like, polar_rotation
+from wsim.kernels.soft.fem import elements, linear_displacement
+from wsim.kernels.soft.principal import corotated_strain
 
 THIN = wp.constant(0.05)          # least stretch that flows
 MOST = wp.constant(8.0)           # of |F_p| and |F_p^-1|, which begin at 1.7; explicit steps would have to shrink as much
@@ -31,28 +31,28 @@ ROUNDS = wp.constant(12)          # theta <- theta y / |dev E|; the error falls 
 
 
 @cache
-def plastic(real):
+def plastic_tets(real):
     """Struct of what flows: reads only."""
     t = types(real)
 
     @wp.struct
-    class Plastic:
+    class PlasticTets:
         limit: wp.array(dtype=real)              # y, inf where the tet is elastic, (t,)
         edge: wp.array(dtype=t.mat33)            # rows r_k of the start [m], (t,)
         gradient: wp.array(dtype=t.mat33)        # rows g_k of the start [1/m], (t,)
 
-    return Plastic
+    return PlasticTets
 
 
 @wp.func
-def deviator(a: Any):
+def deviatoric_part(a: Any):
     """a - mean(a)."""
     m = (a[0] + a[1] + a[2]) / type(a[0])(3.0)
     return a - wp.vector(m, m, m)
 
 
 @wp.func
-def exponential(a: Any):
+def exponential_entries(a: Any):
     return wp.vector(wp.exp(a[0]), wp.exp(a[1]), wp.exp(a[2]))
 
 
@@ -63,74 +63,74 @@ def plastic_stretch(s: Any, y: Any):
     one = type(y)(1.0)
     theta = one
     b = wp.vector(zero, zero, zero)
-    if wp.length(deviator(s)) > y:
+    if wp.length(deviatoric_part(s)) > y:
         logs = wp.vector(wp.log(s[0]), wp.log(s[1]), wp.log(s[2]))
-        b = deviator(logs)
+        b = deviatoric_part(logs)
         size = wp.exp((logs[0] + logs[1] + logs[2]) / type(y)(3.0))
         n = int(ROUNDS)
         for _i in range(n):
-            theta = wp.min(one, theta * y / wp.length(deviator(size * exponential(theta * b))))
-    return exponential((one - theta) * b)
+            theta = wp.min(one, theta * y / wp.length(deviatoric_part(size * exponential_entries(theta * b))))
+    return exponential_entries((one - theta) * b)
 
 
 @wp.func
-def flowing(H: Any, q: Any, y: Any):
+def yield_test(H: Any, q: Any, y: Any):
     """Whether a tet flows at a yield strain y, its stretches s and their axes, the columns of V. q: of a nearby state."""
-    E = strain(H, rotation(H, q))
+    E = corotated_strain(H, polar_rotation(H, q))
     one = type(y)(1.0)
-    dev = E - (wp.trace(E) / type(y)(3.0)) * identity(E)
+    dev = E - (wp.trace(E) / type(y)(3.0)) * identity_like(E)
     if not wp.ddot(dev, dev) > y * y:
-        return False, wp.vector(one, one, one), identity(E)
-    e, V = eigen(E)
+        return False, wp.vector(one, one, one), identity_like(E)
+    e, V = eigen_three(E)
     s = e + wp.vector(one, one, one)
     return wp.min(s) > type(y)(THIN), s, V
 
 
 @wp.func
-def bounded(F: Any, back: Any):
+def flow_is_bounded(F: Any, back: Any):
     """Whether F_p and its inverse are no larger than they may be."""
     most = type(F[0, 0])(MOST) * type(F[0, 0])(MOST)
     return wp.ddot(F, F) < most and wp.ddot(back, back) < most
 
 
 @wp.func
-def put(c: int, Fp: Any, edge: Any, gradient: Any, edge_out: Any, gradient_out: Any):
+def write_rest_shape(c: int, Fp: Any, edge: Any, gradient: Any, edge_out: Any, gradient_out: Any):
     """The shape at rest of tet c."""
     edge_out[c] = edge * wp.transpose(Fp)
     gradient_out[c] = gradient * wp.inverse(Fp)
 
 
 @cache
-def shape(real, module):
+def plastic_shape_kernel(real, module):
     """Kernel over tets: edges and gradients of F_p."""
-    t, Plastic = types(real), plastic(real)
+    t, Plastic = types(real), plastic_tets(real)
     mat33 = wp.array(dtype=t.mat33)
 
-    def shape(p: Plastic, Fp: mat33, edge_out: mat33, gradient_out: mat33):
+    def set_plastic_shape(p: Plastic, Fp: mat33, edge_out: mat33, gradient_out: mat33):
         c = wp.tid()
-        put(c, Fp[c], p.edge[c], p.gradient[c], edge_out, gradient_out)
+        write_rest_shape(c, Fp[c], p.edge[c], p.gradient[c], edge_out, gradient_out)
 
-    return wp.kernel(shape, name=f"plastic_shape_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(set_plastic_shape, name=f"plastic_shape_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def flow(real, module):
+def plastic_flow_kernel(real, module):
     """Kernel over tets: F_p at x + d and with it the shape at rest of `tets`, where a tet is beyond its yield. q: of a nearby
     state."""
-    t, Tets, Plastic = types(real), elements(real), plastic(real)
-    gradient, _ = displaced(real, real)
+    t, Tets, Plastic = types(real), elements(real), plastic_tets(real)
+    gradient, _ = linear_displacement(real, real)
     vec3, mat33 = wp.array(dtype=t.vec3), wp.array(dtype=t.mat33)
 
-    def flow(p: Plastic, tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), Fp: mat33, Fp_out: mat33):
+    def flow_plastic_tets(p: Plastic, tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), Fp: mat33, Fp_out: mat33):
         c = wp.tid()
-        flows, s, V = flowing(gradient(tets, c, x, d), q[c], p.limit[c])
+        flows, s, V = yield_test(gradient(tets, c, x, d), q[c], p.limit[c])
         if not flows:
             return
         G = V * wp.diag(plastic_stretch(s, p.limit[c])) * wp.transpose(V)
         now = G * Fp[c]
         now = (real(1.0) / wp.cbrt(wp.determinant(now))) * now
-        if bounded(now, wp.inverse(now)):
+        if flow_is_bounded(now, wp.inverse(now)):
             Fp_out[c] = now
-            put(c, now, p.edge[c], p.gradient[c], tets.edge, tets.gradient)
+            write_rest_shape(c, now, p.edge[c], p.gradient[c], tets.edge, tets.gradient)
 
-    return wp.kernel(flow, name=f"plastic_flow_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(flow_plastic_tets, name=f"plastic_flow_{t.name}", module=module, enable_backward=False)

@@ -16,22 +16,22 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import identity
-from wsim.kernels.soft.fem import displaced, elements, spread
-from wsim.kernels.soft.plastic import ROUNDS, bounded, deviator, exponential, flowing, plastic
-from wsim.kernels.soft.principal import held, symmetric
+from wsim.kernels.math.rotation import identity_like
+from wsim.kernels.soft.fem import elements, linear_displacement, spread_corner_forces
+from wsim.kernels.soft.plastic import ROUNDS, deviatoric_part, exponential_entries, flow_is_bounded, plastic_tets, yield_test
+from wsim.kernels.soft.principal import clamp_entries, symmetrised_matrix
 
 SERIES = wp.constant(0.02)        # |t| below which expm1(a t) / expm1(t) is a series, right to 1e-16; quotients lose 1e-14
 
 
 @cache
-def flows(real):
+def flow_gradients(real):
     """Struct of what a flow has read, and gradients: by F, added to; by F after it, 0 where a tet has flowed; by corners,
     from 0 on."""
     t = types(real)
 
     @wp.struct
-    class Flow:
+    class FlowGradients:
         x: wp.array(dtype=t.vec3)
         d: wp.array(dtype=t.vec3)
         q: wp.array(dtype=t.quat)
@@ -40,11 +40,11 @@ def flows(real):
         by_F_out: wp.array(dtype=t.mat33)
         corners: wp.array(dtype=t.vec3)          # (4 t,)
 
-    return Flow
+    return FlowGradients
 
 
 @wp.func
-def portion(s: Any, b: Any, y: Any):
+def plastic_portion(s: Any, b: Any, y: Any):
     """theta of `plastic_stretch`, and its derivatives by s and y, as the rounds there make them."""
     one = type(y)(1.0)
     three = type(y)(3.0)
@@ -54,8 +54,8 @@ def portion(s: Any, b: Any, y: Any):
     size = wp.exp((wp.log(s[0]) + wp.log(s[1]) + wp.log(s[2])) / three)
     n = int(ROUNDS)
     for _i in range(n):
-        z = size * exponential(theta * b)
-        dev = deviator(z)
+        z = size * exponential_entries(theta * b)
+        dev = deviatoric_part(z)
         psi = wp.length(dev)
         nearer = theta * y / psi
         if nearer < one:
@@ -74,7 +74,7 @@ def portion(s: Any, b: Any, y: Any):
 
 
 @wp.func
-def ratio(a: Any, t: Any):
+def exponential_ratio(a: Any, t: Any):
     """(e^(a t) - 1) / (e^t - 1): sum over n of (B_n(a) - B_n) t^(n - 1) / n! of Bernoulli's polynomials for a small t."""
     one = type(a)(1.0)
     if wp.abs(t) > type(a)(SERIES):
@@ -91,65 +91,65 @@ def ratio(a: Any, t: Any):
 @cache
 def flow_adjoint(real, module):
     """Kernel over tets. The tets are those before the flow; `by`: gradients by limits and edges of the start, added to."""
-    t, Tets, Plastic, Flow = types(real), elements(real), plastic(real), flows(real)
-    gradient, _ = displaced(real, real)
+    t, Tets, Plastic, Flow = types(real), elements(real), plastic_tets(real), flow_gradients(real)
+    gradient, _ = linear_displacement(real, real)
     M33 = t.mat33
 
-    def back(p: Plastic, tets: Tets, f: Flow, by: Plastic):
+    def plastic_flow_adjoint(p: Plastic, tets: Tets, f: Flow, by: Plastic):
         c = wp.tid()
         for k in range(4):
             f.corners[4 * c + k] = t.vec3()
         H = gradient(tets, c, f.x, f.d)
-        flowed, s, V = flowing(H, f.q[c], p.limit[c])
+        flowed, s, V = yield_test(H, f.q[c], p.limit[c])
         if not flowed:
             return
-        b = deviator(t.vec3(wp.log(s[0]), wp.log(s[1]), wp.log(s[2])))
-        theta, theta_s, theta_y = portion(s, b, p.limit[c])
+        b = deviatoric_part(t.vec3(wp.log(s[0]), wp.log(s[1]), wp.log(s[2])))
+        theta, theta_s, theta_y = plastic_portion(s, b, p.limit[c])
         a = real(1.0) - theta
-        g = exponential(a * b)
+        g = exponential_entries(a * b)
         F = f.F[c]
         G = V * wp.diag(g) * wp.transpose(V)
         A = G * F
         size = real(1.0) / wp.cbrt(wp.determinant(A))
         now = size * A
         turned = wp.inverse(now)
-        if not bounded(now, turned):
+        if not flow_is_bounded(now, turned):
             return
         Y = f.by_F_out[c]
         f.by_F_out[c] = M33()
         Y = size * (Y - (wp.ddot(Y, now) / real(3.0)) * wp.transpose(turned))
-        M = wp.transpose(V) * symmetric(Y * wp.transpose(F)) * V
+        M = wp.transpose(V) * symmetrised_matrix(Y * wp.transpose(F)) * V
         m = wp.cw_mul(wp.get_diag(M), g)
         along = wp.dot(m, b)
         by.limit[c] = by.limit[c] - along * theta_y
-        K = (a * wp.cw_div(deviator(m), s)) - along * theta_s
+        K = (a * wp.cw_div(deviatoric_part(m), s)) - along * theta_s
         Z = wp.diag(wp.cw_div(K, s)) * real(0.5)
         for i in range(3):
             for j in range(3):
                 if i != j:
-                    Z[i, j] = M[i, j] * (g[j] / s[j]) * ratio(a, b[i] - b[j]) / (s[i] + s[j])
-        Fe = identity(H) + held(H)
+                    Z[i, j] = M[i, j] * (g[j] / s[j]) * exponential_ratio(a, b[i] - b[j]) / (s[i] + s[j])
+        Fe = identity_like(H) + clamp_entries(H)
         W = real(2.0) * (Fe * V * Z * wp.transpose(V))
         f.by_F[c] = f.by_F[c] + G * Y - wp.transpose(Fe) * W * wp.transpose(wp.inverse(F))
         rows = tets.gradient[c]
-        spread(4 * c, W, rows, f.corners)
+        spread_corner_forces(4 * c, W, rows, f.corners)
         by.edge[c] = by.edge[c] - rows * wp.transpose(W) * Fe * F
 
-    return wp.kernel(back, name=f"plastic_flow_adjoint_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(plastic_flow_adjoint, name=f"plastic_flow_adjoint_{t.name}", module=module, enable_backward=False)
 
 
 @cache
 def shape_adjoint(real, module):
     """Kernel over tets: from the gradient E by the edges that forces have read, which becomes 0, to those by F and by the edges
     of the start."""
-    t, Plastic = types(real), plastic(real)
+    t, Plastic = types(real), plastic_tets(real)
     mat33 = wp.array(dtype=t.mat33)
 
-    def back(p: Plastic, F: mat33, E: mat33, by: Plastic, by_F: mat33):
+    def plastic_shape_adjoint(p: Plastic, F: mat33, E: mat33, by: Plastic, by_F: mat33):
         c = wp.tid()
         own = E[c]
         by_F[c] = by_F[c] + wp.transpose(own) * p.edge[c]
         by.edge[c] = by.edge[c] + own * F[c]
         E[c] = t.mat33()
 
-    return wp.kernel(back, name=f"plastic_shape_adjoint_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(plastic_shape_adjoint, name=f"plastic_shape_adjoint_{t.name}", module=module, enable_backward=False)

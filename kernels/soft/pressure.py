@@ -17,15 +17,15 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.hessian import elements_of
-from wsim.kernels.math.marks import whole
+from wsim.kernels.math.marks import writes_all
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.line_search import Trial
+from wsim.kernels.solver.line_search import LineSearchTrial
 
 D = types(wp.float64)
 
 
 @cache
-def elements(real):
+def pressure_tables(real):
     """Struct of the triangles: reads only."""
 
     @wp.struct
@@ -38,67 +38,68 @@ def elements(real):
 
 
 @cache
-def corner_force(real):
+def corner_pressure(real):
     """Function: p A n / 3 [N] of triangle c at x + d."""
-    t, Triangles = types(real), elements(real)
+    t, Triangles = types(real), pressure_tables(real)
 
     @wp.func
-    def corner_force(tri: Triangles, c: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
+    def pressure_corner_force(tri: Triangles, c: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
         p = tri.point[c]
         u = (x[p[1]] - x[p[0]]) + (d[p[1]] - d[p[0]])
         v = (x[p[2]] - x[p[0]]) + (d[p[2]] - d[p[0]])
         return (tri.pressure[c] / real(6.0)) * wp.cross(u, v)
 
-    return corner_force
+    return pressure_corner_force
 
 
 @cache
-def forces(real, module):
+def inflation_force_kernel(real, module):
     """Kernel over triangles: forces [N] of corner k of triangle c at `force` + 3 c + k."""
-    t, Triangles, corner = types(real), elements(real), corner_force(real)
+    t, Triangles, corner = types(real), pressure_tables(real), corner_pressure(real)
     vec3 = wp.array(dtype=t.vec3)
 
-    def forces(tri: Triangles, x: vec3, d: vec3, f_out: vec3):
+    def inflation_forces(tri: Triangles, x: vec3, d: vec3, f_out: vec3):
         c = wp.tid()
         f = corner(tri, c, x, d)
         for k in range(3):
             f_out[tri.force + 3 * c + k] = f
 
-    return whole(wp.kernel(forces, name=f"pressure_forces_{t.name}", module=module, enable_backward=False))
+    return writes_all(wp.kernel(inflation_forces, name=f"pressure_forces_{t.name}", module=module, enable_backward=False))
 
 
 @cache
-def linearise(real, module):
+def inflation_newton_kernel(real, module):
     """The same for Newton's method, with the arguments of kernels/soft/fem.py: a, q, rate are not read, no block is written."""
-    t, Triangles, corner, Elements = types(real), elements(real), corner_force(real), elements_of(real)
+    t, Triangles, corner, Elements = types(real), pressure_tables(real), corner_pressure(real), elements_of(real)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def linearise(tri: Triangles, x: vec3, d: vec3, a: vec3, q: quat, rate: real, q_out: quat, out: Elements):
+    def linearise_inflation(tri: Triangles, x: vec3, d: vec3, a: vec3, q: quat, rate: real, q_out: quat, out: Elements):
         c = wp.tid()
         f = corner(tri, c, x, d)
         for k in range(3):
             out.force[tri.force + 3 * c + k] = f
 
-    return wp.kernel(linearise, name=f"pressure_linearise_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(linearise_inflation, name=f"pressure_linearise_{t.name}", module=module, enable_backward=False)
 
 
 @wp.func
-def triple(a: D.vec3, b: D.vec3, c: D.vec3):
+def scalar_triple_product(a: D.vec3, b: D.vec3, c: D.vec3):
     return wp.dot(a, wp.cross(b, c))
 
 
 @cache
-def energy_change(real, module):
-    """Kernel over bodies times lanes: adds the change of -p V along y to a `Trial`, in float64; arguments of
+def inflation_energy_kernel(real, module):
+    """Kernel over bodies times lanes: adds the change of -p V along y to a `LineSearchTrial`, in float64; arguments of
     kernels/soft/fem.py."""
-    t, Triangles = types(real), elements(real)
+    t, Triangles = types(real), pressure_tables(real)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     @wp.func
     def from_o(x: vec3, i: int, o: int):
         return D.vec3(x[i]) - D.vec3(x[o])
 
-    def energy_change(trial: Trial, tri: Triangles, x: vec3, d: vec3, a: vec3, y: vec3, q: quat, rate: wp.float64):
+    def inflation_energy_change(trial: LineSearchTrial, tri: Triangles, x: vec3, d: vec3, a: vec3, y: vec3, q: quat,
+                                rate: wp.float64):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
@@ -111,13 +112,13 @@ def energy_change(real, module):
             Y0 = from_o(y, p[0], p[3])
             Y1 = from_o(y, p[1], p[3])
             Y2 = from_o(y, p[2], p[3])
-            one = triple(Y0, X1, X2) + triple(Y1, X2, X0) + triple(Y2, X0, X1)
-            two = triple(X0, Y1, Y2) + triple(X1, Y2, Y0) + triple(X2, Y0, Y1)
-            three = triple(Y0, Y1, Y2)
+            one = scalar_triple_product(Y0, X1, X2) + scalar_triple_product(Y1, X2, X0) + scalar_triple_product(Y2, X0, X1)
+            two = scalar_triple_product(X0, Y1, Y2) + scalar_triple_product(X1, Y2, Y0) + scalar_triple_product(X2, Y0, Y1)
+            three = scalar_triple_product(Y0, Y1, Y2)
             s = -wp.float64(tri.pressure[c]) / wp.float64(6.0)
             part = wp.float64(1.0) / wp.float64(1 << trial.begin)
             for k in range(trial.begin, trial.end):
                 trial.change[row, k] = trial.change[row, k] + s * part * (one + part * (two + part * three))
                 part *= wp.float64(0.5)
 
-    return wp.kernel(energy_change, name=f"pressure_change_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(inflation_energy_change, name=f"pressure_change_{t.name}", module=module, enable_backward=False)

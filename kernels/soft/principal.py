@@ -15,14 +15,14 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.eigen import eigen
-from wsim.kernels.math.rotation import turned
+from wsim.kernels.math.eigen import eigen_three
+from wsim.kernels.math.rotation import matrix_minus_identity
 
 LARGEST = wp.constant(1.0e6)      # of |H_ij| and |J - 1|: lam J^2 of float32 ends at 3e38
 
 
 @wp.func
-def held(H: Any):
+def clamp_entries(H: Any):
     """H with every entry clamped to +-LARGEST. By rows: the adjoint of an entry that is written over counts it twice."""
     m = type(H[0, 0])(LARGEST)
     most = type(H[0])(m, m, m)
@@ -31,27 +31,27 @@ def held(H: Any):
 
 
 @wp.func
-def symmetric(A: Any):
+def symmetrised_matrix(A: Any):
     """(A + A^T) / 2."""
     return type(A[0, 0])(0.5) * (A + wp.transpose(A))
 
 
 @wp.func
-def back(q: Any, A: Any):
+def unrotate_matrix(q: Any, A: Any):
     """R^T A."""
-    return A + wp.transpose(turned(q)) * A
+    return A + wp.transpose(matrix_minus_identity(q)) * A
 
 
 @wp.func
-def forth(q: Any, A: Any):
+def rotate_matrix(q: Any, A: Any):
     """R A."""
-    return A + turned(q) * A
+    return A + matrix_minus_identity(q) * A
 
 
 @wp.func
-def strain(H: Any, q: Any):
+def corotated_strain(H: Any, q: Any):
     """E = sym(R^T F) - 1 = sym(R^T (H - D)); a q that is off by w [rad] is wrong by w |E| in E, not by w."""
-    return symmetric(back(q, held(H) - turned(q)))
+    return symmetrised_matrix(unrotate_matrix(q, clamp_entries(H) - matrix_minus_identity(q)))
 
 
 @wp.func
@@ -60,7 +60,7 @@ def positive_part(A: Any):
     o = type(A[0, 0])(0.0)
     P = type(o)(1.0) * A
     if not (A[0, 0] > o and A[0, 0] * A[1, 1] > A[0, 1] * A[1, 0] and wp.determinant(A) > o):
-        d, V = eigen(A)
+        d, V = eigen_three(A)
         P = V * wp.diag(wp.vector(wp.max(d[0], o), wp.max(d[1], o), wp.max(d[2], o))) * wp.transpose(V)
     return P
 
@@ -74,9 +74,9 @@ def off_diagonal(f: Any, t: Any):
 
 
 @wp.func
-def response(q: Any, V: Any, A: Any, B: Any, dF: Any):
+def stress_response(q: Any, V: Any, A: Any, B: Any, dF: Any):
     """dP [Pa] of the stiffness V, A, B [Pa] of `spectrum` in the frame of q."""
-    M = wp.transpose(V) * back(q, dF) * V
+    M = wp.transpose(V) * unrotate_matrix(q, dF) * V
     m = A * wp.get_diag(M)
     half = type(m[0])(0.5)
     N = wp.diag(m)
@@ -86,4 +86,4 @@ def response(q: Any, V: Any, A: Any, B: Any, dF: Any):
             t = half * B[j, i] * (M[i, j] - M[j, i])
             N[i, j] = f + t
             N[j, i] = f - t
-    return forth(q, V * N * wp.transpose(V))
+    return rotate_matrix(q, V * N * wp.transpose(V))

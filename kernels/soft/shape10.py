@@ -67,7 +67,7 @@ def second_end(k: int):
 
 
 @wp.func
-def gradient(u: Any, N: Any, n: int):
+def node_field_gradient(u: Any, N: Any, n: int):
     """sum_k u_k n_k^T over the n rows of both. A number that the compiler knows would be unrolled, at seconds of its time."""
     H = wp.outer(u[0], N[0])
     for k in range(1, n):
@@ -76,14 +76,14 @@ def gradient(u: Any, N: Any, n: int):
 
 
 @cache
-def displaced(real, kept):
+def quadratic_displacement(real, kept):
     """Functions, in precision `kept`, of tet c, (10, 3) each: n_ak of point a; u_k of x + d; a vector over points, less that of
-    the first node. See `gradient`."""
+    the first node. See `node_field_gradient`."""
     t, k, Tets = types(real), types(kept), elements(real)
     ten, vec3 = wp.types.matrix((NODES, 3), kept), wp.array(dtype=t.vec3)
 
     @wp.func
-    def moved(tets: Tets, c: int, x: vec3, d: vec3):
+    def node_displacements(tets: Tets, c: int, x: vec3, d: vec3):
         edge = k.mat33(tets.edge[c])
         r = wp.matrix_from_rows(k.vec3(), edge[0], edge[1], edge[2])
         first = tets.point[c, 0]
@@ -98,7 +98,7 @@ def displaced(real, kept):
         return u
 
     @wp.func
-    def change(tets: Tets, c: int, v: vec3):
+    def node_vector_change(tets: Tets, c: int, v: vec3):
         v0 = k.vec3(v[tets.point[c, 0]])
         u = ten()
         n = tets.point.shape[1]
@@ -107,7 +107,7 @@ def displaced(real, kept):
         return u
 
     @wp.func
-    def slopes(tets: Tets, c: int, a: int):
+    def quadratic_shape_gradients(tets: Tets, c: int, a: int):
         G = k.mat33(tets.gradient[c])
         g = wp.matrix_from_rows(-(G[0] + G[1] + G[2]), G[0], G[1], G[2])
         L = k.vec4(kept(FAR), kept(FAR), kept(FAR), kept(FAR))
@@ -122,4 +122,4 @@ def displaced(real, kept):
                 N[m] = (kept(4.0) * L[i] - kept(1.0)) * g[i]
         return N
 
-    return slopes, moved, change
+    return quadratic_shape_gradients, node_displacements, node_vector_change

@@ -16,8 +16,8 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import fem, shape10
 from wsim.kernels.soft.material import stretch_sum
-from wsim.kernels.soft.neo_hookean import cofactor
-from wsim.kernels.soft.principal import held
+from wsim.kernels.soft.neo_hookean import cofactor_matrix
+from wsim.kernels.soft.principal import clamp_entries
 
 
 @wp.func
@@ -42,35 +42,35 @@ def other_volume(J: wp.float64, size: wp.float64, S: wp.float64, mu: wp.float64,
 
 
 @cache
-def change(real):
+def volume_change_function(real):
     """Function (H, mu, lam): (J - 1, j - 1)."""
     t = types(real)
 
     @wp.func
-    def change(H: t.mat33, mu: real, lam: real):
-        K = held(H)
-        C = cofactor(K)
+    def tet_volume_change(H: t.mat33, mu: real, lam: real):
+        K = clamp_entries(H)
+        C = cofactor_matrix(K)
         stretch, more = stretch_sum(K)
         J = wp.float64(wp.trace(K) + wp.trace(C) + wp.dot(K[0], C[0]))
         one, three = wp.float64(1.0), wp.float64(3.0)
         j = other_volume(one + J, three + wp.float64(more), three + wp.float64(stretch), wp.float64(mu), wp.float64(lam))
         return wp.vec3d(one, J, j - one)
 
-    return change
+    return tet_volume_change
 
 
 @cache
-def changes(nodes: int, real, module):
+def volume_change_kernel(nodes: int, real, module):
     """Kernel over bodies times lanes: sums of V, V (J - 1), V (j - 1) [m^3] of a lane's tets. first: of each body, (bodies +
     1,); nodes: of a tet."""
     t = types(real)
     Tets = (fem if nodes == 4 else shape10).elements(real)
-    vec3, of = wp.array(dtype=t.vec3), change(real)
-    (linear, _) = fem.displaced(real, real)
-    (slopes, moved, _) = shape10.displaced(real, real)
+    vec3, of = wp.array(dtype=t.vec3), volume_change_function(real)
+    (linear, _) = fem.linear_displacement(real, real)
+    (slopes, moved, _) = shape10.quadratic_displacement(real, real)
 
     @wp.func
-    def one(tets: Tets, c: int, x: vec3, d: vec3):
+    def tet_volume_sums(tets: Tets, c: int, x: vec3, d: vec3):
         sum = wp.vec3d()
         volume = wp.float64(tets.volume[c])
         if wp.static(nodes == 4):
@@ -79,38 +79,39 @@ def changes(nodes: int, real, module):
             u = moved(tets, c, x, d)
             points = int(shape10.POINTS)
             for a in range(points):
-                H = shape10.gradient(u, slopes(tets, c, a), tets.point.shape[1])
+                H = shape10.node_field_gradient(u, slopes(tets, c, a), tets.point.shape[1])
                 sum += wp.float64(0.25) * volume * of(H, tets.mu[c], tets.lam[c])
         return sum
 
-    def changes(tets: Tets, first: wp.array(dtype=int), lanes: int, x: vec3, d: vec3, part_out: wp.array(dtype=wp.vec3d)):
+    def sum_volume_changes(tets: Tets, first: wp.array(dtype=int), lanes: int, x: vec3, d: vec3,
+                           part_out: wp.array(dtype=wp.vec3d)):
         row = wp.tid()
         body = row // lanes
         sum = wp.vec3d()
         for c in range(first[body] + row - body * lanes, first[body + 1], lanes):
-            sum += one(tets, c, x, d)
+            sum += tet_volume_sums(tets, c, x, d)
         part_out[row] = sum
 
-    return wp.kernel(changes, name=f"solid_changes_{nodes}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(sum_volume_changes, name=f"solid_changes_{nodes}_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def lost(real, module):
+def lost_volume_kernel(real, module):
     """Kernel over bodies: tell_out, 1e-4 of the volume at rest that is lost, and 1e-4 that the other law would lose."""
 
     @wp.func
-    def told(part: wp.float64):
+    def ten_thousandths(part: wp.float64):
         found = int(0)
         if part > wp.float64(0.0):                            # false of what is not finite
             found = int(wp.rint(wp.float64(1.0e4) * wp.min(part, wp.float64(1.0e4))))
         return found
 
-    def lost(part: wp.array(dtype=wp.vec3d), lanes: int, offset: int, tell_out: wp.array(dtype=int)):
+    def report_lost_volume(part: wp.array(dtype=wp.vec3d), lanes: int, offset: int, tell_out: wp.array(dtype=int)):
         body = wp.tid()
         sum = wp.vec3d()
         for k in range(body * lanes, (body + 1) * lanes):
             sum += part[k]
-        tell_out[offset + 2 * body] = told(-sum[1] / sum[0])
-        tell_out[offset + 2 * body + 1] = told(-sum[2] / sum[0])
+        tell_out[offset + 2 * body] = ten_thousandths(-sum[1] / sum[0])
+        tell_out[offset + 2 * body + 1] = ten_thousandths(-sum[2] / sum[0])
 
-    return wp.kernel(lost, name=f"solid_lost_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(report_lost_volume, name=f"solid_lost_{types(real).name}", module=module, enable_backward=False)

@@ -22,15 +22,15 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.newton import structs
-from wsim.kernels.solver.pcg import kept
+from wsim.kernels.solver.newton import newton_structs
+from wsim.kernels.solver.pcg import range_projector
 
 SIX = 6                # int(SIX) is a variable in a kernel: loops to it are not unrolled, which takes half the time to compile
 LOST = {wp.float32: 1e-5, wp.float64: 1e-12}      # part of a diagonal under which what elimination left of it is rounding
 
 
 @cache
-def coarse(real):
+def coarse_spaces(real):
     """Struct of all levels: nodes and blocks are numbered on from level to level, bodies in order within each."""
     vec3, mat33, vec6 = types(real).vec3, types(real).mat33, wp.types.vector(6, real)
 
@@ -62,7 +62,7 @@ def coarse(real):
 
 
 @wp.func
-def motion(k: int, arm: Any):
+def rigid_motion_column(k: int, arm: Any):
     """Column k of R: along axis k, or the turn about axis k - 3."""
     u = arm - arm
     u[k % 3] = type(arm[0])(1.0)
@@ -72,14 +72,14 @@ def motion(k: int, arm: Any):
 
 
 @wp.func
-def wrench(arm: Any, f: Any):
+def wrench_of_force(arm: Any, f: Any):
     """R^T f."""
     m = wp.cross(arm, f)
     return wp.vector(f[0], f[1], f[2], m[0], m[1], m[2])
 
 
 @wp.func
-def times(M: wp.array(dtype=Any), k: int, u: Any):
+def row_times_block(M: wp.array(dtype=Any), k: int, u: Any):
     """u^T M_k; M_k has the rows M[6 k] .. M[6 k + 5]."""
     v = M.dtype()
     six = int(SIX)
@@ -89,7 +89,7 @@ def times(M: wp.array(dtype=Any), k: int, u: Any):
 
 
 @wp.func
-def column(M: wp.array(dtype=Any), k: int, a: int):
+def block_column(M: wp.array(dtype=Any), k: int, a: int):
     """Column a of M_k."""
     u = M.dtype()
     six = int(SIX)
@@ -99,7 +99,7 @@ def column(M: wp.array(dtype=Any), k: int, a: int):
 
 
 @wp.func
-def turned(M: wp.array(dtype=Any), k: int, u: Any):
+def block_times_vector(M: wp.array(dtype=Any), k: int, u: Any):
     """M_k u."""
     v = M.dtype()
     six = int(SIX)
@@ -108,23 +108,23 @@ def turned(M: wp.array(dtype=Any), k: int, u: Any):
     return v
 
 
-def named(real, module, *functions) -> dict:
+def name_kernels(real, module, *functions) -> dict:
     """Kernels of functions, by the names of these."""
     return {f.__name__: wp.kernel(f, name=f"multigrid_{f.__name__}_{types(real).name}", module=module, enable_backward=False)
             for f in functions}
 
 
 @cache
-def points(real, module) -> dict:
+def coarse_point_kernels(real, module) -> dict:
     """arms, and shares: R_i^T S_i (own S_i R_i + sum over j of A_ij (S_j R_j - S_i R_i)), S_j R_j where j has the same node."""
-    s, Coarse, vec3 = structs(real), coarse(real), wp.array(dtype=types(real).vec3)
+    s, Coarse, vec3 = newton_structs(real), coarse_spaces(real), wp.array(dtype=types(real).vec3)
 
     def arms(A: s.Matrix, x: vec3, d: vec3, g: Coarse):
         i = wp.tid()
         if g.node[i] >= 0:
             c = g.place[g.node[i]]
             g.arm[i] = (x[i] - x[c]) + (d[i] - d[c])
-            g.S[i] = kept(A.P[i])
+            g.S[i] = range_projector(A.P[i])
 
     def shares(rows: s.Rows, A: s.Matrix, g: Coarse):
         i = wp.tid() // 6
@@ -134,25 +134,25 @@ def points(real, module) -> dict:
             return
         arm = g.arm[i]
         S = g.S[i]
-        u = S * motion(a, arm)
-        out = A.own[i] * wrench(arm, u)
+        u = S * rigid_motion_column(a, arm)
+        out = A.own[i] * wrench_of_force(arm, u)
         for e in range(rows.pair[i], rows.pair[i + 1]):
             j = rows.column[e]
             q = u * A.block[e]
-            w = wrench(arm, S * q)
+            w = wrench_of_force(arm, S * q)
             if g.node[j] == K:
-                out += wrench(g.arm[j], g.S[j] * q) - w       # the difference: what moves alike cancels exactly
+                out += wrench_of_force(g.arm[j], g.S[j] * q) - w  # the difference: what moves alike cancels exactly
             else:
                 out -= w
         g.share[6 * i + a] = out
 
-    return named(real, module, arms, shares)
+    return name_kernels(real, module, arms, shares)
 
 
 @cache
 def first_level(real, module) -> dict:
     """own_points: sums of shares; pairs_points: sums of R_i^T S_i A_ij S_j R_j."""
-    s, Coarse, vec6 = structs(real), coarse(real), wp.types.vector(6, real)
+    s, Coarse, vec6 = newton_structs(real), coarse_spaces(real), wp.types.vector(6, real)
 
     def own_points(at: int, g: Coarse):
         K = at + wp.tid() // 6
@@ -170,17 +170,17 @@ def first_level(real, module) -> dict:
             e = g.pair[m][0]
             i = g.pair[m][1]
             j = rows.column[e]
-            q = (g.S[i] * motion(a, g.arm[i])) * A.block[e]
-            out += wrench(g.arm[j], g.S[j] * q)
+            q = (g.S[i] * rigid_motion_column(a, g.arm[i])) * A.block[e]
+            out += wrench_of_force(g.arm[j], g.S[j] * q)
         g.A[6 * b + a] = out
 
-    return named(real, module, own_points, pairs_points)
+    return name_kernels(real, module, own_points, pairs_points)
 
 
 @cache
 def next_levels(real, module) -> dict:
     """own_nodes: sums of Q_c^T (Q_c + sum over d of A_cd Q_d), c and d children of one node; pairs_nodes: of Q_c^T A_cd Q_d."""
-    Coarse, vec6 = coarse(real), wp.types.vector(6, real)
+    Coarse, vec6 = coarse_spaces(real), wp.types.vector(6, real)
 
     def own_nodes(at: int, g: Coarse):
         K = at + wp.tid() // 6
@@ -188,11 +188,11 @@ def next_levels(real, module) -> dict:
         out = vec6()
         for m in range(g.first[K], g.first[K + 1]):
             c = g.child[m]
-            u = column(g.Q, c, a)
-            out += times(g.Q, c, u)
+            u = block_column(g.Q, c, a)
+            out += row_times_block(g.Q, c, u)
             for e in range(g.row[c], g.row[c + 1]):
                 if g.parent[g.column[e]] == K:
-                    out += times(g.Q, g.column[e], times(g.A, e, u))
+                    out += row_times_block(g.Q, g.column[e], row_times_block(g.A, e, u))
         g.D[6 * K + a] = out
 
     def pairs_nodes(at: int, g: Coarse):
@@ -201,16 +201,16 @@ def next_levels(real, module) -> dict:
         out = vec6()
         for m in range(g.part[b], g.part[b + 1]):
             e = g.pair[m][0]
-            out += times(g.Q, g.column[e], times(g.A, e, column(g.Q, g.pair[m][1], a)))
+            out += row_times_block(g.Q, g.column[e], row_times_block(g.A, e, block_column(g.Q, g.pair[m][1], a)))
         g.A[6 * b + a] = out
 
-    return named(real, module, own_nodes, pairs_nodes)
+    return name_kernels(real, module, own_nodes, pairs_nodes)
 
 
 @cache
-def factor(real, module) -> dict:
+def coarse_factor_kernels(real, module) -> dict:
     """factor: D = L L^T and L^-1 row by row; a row of which elimination leaves only rounding is zero in both."""
-    t, Coarse, vec6, vec3 = types(real), coarse(real), wp.types.vector(6, real), wp.array(dtype=types(real).vec3)
+    t, Coarse, vec6, vec3 = types(real), coarse_spaces(real), wp.types.vector(6, real), wp.array(dtype=types(real).vec3)
     mat66 = wp.types.matrix((6, 6), real)
 
     def factor(at: int, x: vec3, d: vec3, g: Coarse):
@@ -245,16 +245,16 @@ def factor(real, module) -> dict:
             arm = (x[i] - x[c]) + (d[i] - d[c])
             for k in range(six):
                 f = t.vec3(L[0, k], L[1, k], L[2, k])
-                w = wrench(arm, f)
+                w = wrench_of_force(arm, f)
                 g.Q[6 * K + k] = w + vec6(real(0.0), real(0.0), real(0.0), L[3, k], L[4, k], L[5, k])
 
-    return named(real, module, factor)
+    return name_kernels(real, module, factor)
 
 
 @cache
-def scale(real, module) -> dict:
+def coarse_scale_kernels(real, module) -> dict:
     """scale: L_K^-1 A_KJ L_J^-T, and Q L_K^-T."""
-    Coarse, mat66 = coarse(real), wp.types.matrix((6, 6), real)
+    Coarse, mat66 = coarse_spaces(real), wp.types.matrix((6, 6), real)
 
     def scale(at: int, blocks: int, children: int, g: Coarse):
         n = wp.tid()
@@ -263,23 +263,23 @@ def scale(real, module) -> dict:
             b = at + n
             M = mat66()
             for k in range(six):
-                M[k] = turned(g.inverse, g.column[b], g.A[6 * b + k])
+                M[k] = block_times_vector(g.inverse, g.column[b], g.A[6 * b + k])
             M = wp.transpose(M)
             for k in range(six):
-                M[k] = turned(g.inverse, g.owner[b], M[k])
+                M[k] = block_times_vector(g.inverse, g.owner[b], M[k])
             M = wp.transpose(M)
             for k in range(six):
                 g.A[6 * b + k] = M[k]
         else:
             c = children + n - blocks
             for k in range(six):
-                g.Q[6 * c + k] = turned(g.inverse, g.parent[c], g.Q[6 * c + k])
+                g.Q[6 * c + k] = block_times_vector(g.inverse, g.parent[c], g.Q[6 * c + k])
 
-    return named(real, module, scale)
+    return name_kernels(real, module, scale)
 
 
 @cache
-def setup(real, module) -> SimpleNamespace:
+def coarse_setup_kernels(real, module) -> SimpleNamespace:
     """Kernels that make the matrices of the levels, in the order of launch; `at` is the first node or block of the level:
 
     arms            over points: arms and filters
@@ -289,5 +289,5 @@ def setup(real, module) -> SimpleNamespace:
     factor          over nodes: L^-1, and L^T T
     scale           over blocks, then children: A_KJ and Q in the basis of L
     """
-    groups = points, first_level, next_levels, factor, scale
+    groups = coarse_point_kernels, first_level, next_levels, coarse_factor_kernels, coarse_scale_kernels
     return SimpleNamespace(**{name: kernel for group in groups for name, kernel in group(real, module).items()})

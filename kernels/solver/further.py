@@ -19,7 +19,7 @@ import warp as wp
 
 from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.pcg import block_sum
 
 SECANTS = 3            # kept
 FAR = 32.0
@@ -28,7 +28,7 @@ LEAST = 1e-12          # of the diagonal of their products, that is added to it:
 
 
 @cache
-def look(real, module):
+def further_look_kernel(real, module):
     """Kernel of one thread: words[0] is 1 while some of the residuals is above `least`, for `most` looks; words[1] counts
     them. A residual that is no number goes on as well."""
 
@@ -48,7 +48,7 @@ def look(real, module):
 
 
 @cache
-def stand(real, module):
+def stand_still_kernel(real, module):
     """Kernel over points: no step for those of systems that have met `least`. of: system of a point."""
     t = types(real)
 
@@ -62,7 +62,7 @@ def stand(real, module):
 
 
 @cache
-def secants(real):
+def newton_secants(real):
     """Struct of the secants of all points, and of what systems make of them."""
     t = types(real)
 
@@ -80,9 +80,10 @@ def secants(real):
 
 
 @cache
-def keep(real, module):
-    """Kernel over points: the secants of this step; d and y are kept for the next. step: what words[1] of `look` counts."""
-    Secants, vectors = secants(real), wp.array(dtype=types(real).vec3)
+def secant_storage_kernel(real, module):
+    """Kernel over points: the secants of this step; d and y are kept for the next. step: what words[1] of `further_look_kernel`
+    counts."""
+    Secants, vectors = newton_secants(real), wp.array(dtype=types(real).vec3)
 
     @wp.kernel(module=module, enable_backward=False)
     def keep_secants(words: wp.array(dtype=int), d: vectors, y: vectors, out: Secants):
@@ -97,15 +98,15 @@ def keep(real, module):
 
 
 @cache
-def weigh(real, module):
+def secant_weight_kernel(real, module):
     """Kernel over systems times a block of threads: gamma of each secant, and the scale of y. step: of the line search before,
     not above 0 where it found nothing."""
-    t, Secants = types(real), secants(real)
+    t, Secants = types(real), newton_secants(real)
     square = wp.types.matrix((SECANTS, SECANTS), wp.float64)
     column = wp.types.vector(SECANTS, wp.float64)
 
     @wp.func
-    def solved(M: square, r: column, n: int):
+    def solve_secant_system(M: square, r: column, n: int):
         """Solution of the first n rows of M g = r, symmetric; of others g = 0. By Gauss's elimination."""
         g = column()
         for k in range(n):
@@ -126,8 +127,9 @@ def weigh(real, module):
                 g[k] = left / M[k, k]
         return g
 
-    def weigh(words: wp.array(dtype=int), first: wp.array(dtype=int), own: wp.array(dtype=real), y: wp.array(dtype=t.vec3),
-              step: wp.array(dtype=wp.float64), drop_out: wp.array(dtype=wp.float64), out: Secants):
+    def weigh_secants(words: wp.array(dtype=int), first: wp.array(dtype=int), own: wp.array(dtype=real),
+                      y: wp.array(dtype=t.vec3),
+                      step: wp.array(dtype=wp.float64), drop_out: wp.array(dtype=wp.float64), out: Secants):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
         n = wp.min(out.known[body], SECANTS)
@@ -143,12 +145,12 @@ def weigh(real, module):
                 for b in range(a + 1):
                     M[a, b] = M[a, b] + m * wp.float64(wp.dot(va, out.dy[(words[1] + SECANTS - b) % SECANTS, i]))
         for a in range(n):
-            r[a] = total(r[a])
+            r[a] = block_sum(r[a])
             for b in range(a + 1):
-                M[a, b] = total(M[a, b])
+                M[a, b] = block_sum(M[a, b])
                 M[b, a] = M[a, b]
         if lane == 0:
-            g = solved(M, r, n)
+            g = solve_secant_system(M, r, n)
             for a in range(SECANTS):
                 out.gamma[body, a] = g[a]
             out.known[body] = n + 1
@@ -158,14 +160,14 @@ def weigh(real, module):
                 out.scale[body] = real(FAR)
                 drop_out[body] = wp.float64(NEVER)
 
-    return wp.kernel(weigh, name=f"weigh_secants_{t.name}", module=module, enable_backward=False, grid_stride=False,
+    return wp.kernel(weigh_secants, name=f"weigh_secants_{t.name}", module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=BLOCK)
 
 
 @cache
-def lead(real, module):
+def secant_step_kernel(real, module):
     """Kernel over points: the way p, of the step y. of: system of a point."""
-    t, Secants = types(real), secants(real)
+    t, Secants = types(real), newton_secants(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def lead_ahead(words: wp.array(dtype=int), of: wp.array(dtype=int), w: wp.array(dtype=real), s: Secants,

@@ -14,7 +14,7 @@ from wsim.kernels.math.real import types
 
 
 @cache
-def basis(real):
+def gcr_basis(real):
     """Struct of the directions kept, p_k and q_k = B p_k (kept, points); q_k.q_k, or 0 of those that are none yet; beta_k."""
     t = types(real)
 
@@ -30,12 +30,12 @@ def basis(real):
 
 
 @cache
-def along(real, module):
+def gcr_projection_kernel(real, module):
     """Kernel over the directions kept times lanes: parts of q.q_k."""
-    t, Basis = types(real), basis(real)
+    t, Basis = types(real), gcr_basis(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def along(o: Basis, q: wp.array(dtype=t.vec3)):
+    def project_on_directions(o: Basis, q: wp.array(dtype=t.vec3)):
         lanes = o.part.shape[1]
         lane = wp.tid() % lanes
         k = wp.tid() // lanes
@@ -47,16 +47,16 @@ def along(real, module):
                 sum += wp.float64(a[n]) * wp.float64(b[n])
         o.part[k, lane] = sum
 
-    return along
+    return project_on_directions
 
 
 @cache
-def share(real, module):
+def gcr_coefficient_kernel(real, module):
     """Kernel over the directions kept: beta."""
-    Basis = basis(real)
+    Basis = gcr_basis(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def share(o: Basis):
+    def gcr_coefficients(o: Basis):
         k = wp.tid()
         sum = wp.float64(0.0)
         for lane in range(o.part.shape[1]):
@@ -66,17 +66,17 @@ def share(real, module):
             beta = sum / o.size[k]
         o.beta[k] = beta
 
-    return share
+    return gcr_coefficients
 
 
 @cache
-def across(real, module):
+def gcr_orthogonal_kernel(real, module):
     """Kernel over points: z and q lose what is along the directions kept."""
-    t, Basis = types(real), basis(real)
+    t, Basis = types(real), gcr_basis(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def across(o: Basis, z_out: vec3, q_out: vec3):
+    def orthogonalise_directions(o: Basis, z_out: vec3, q_out: vec3):
         i = wp.tid()
         z = z_out[i]
         q = q_out[i]
@@ -87,17 +87,17 @@ def across(real, module):
         z_out[i] = z
         q_out[i] = q
 
-    return across
+    return orthogonalise_directions
 
 
 @cache
-def keep(real, module):
+def gcr_storage_kernel(real, module):
     """Kernel over points: z and q take the place of the oldest direction. qq: parts of q.q; count: of directions so far."""
-    t, Basis = types(real), basis(real)
+    t, Basis = types(real), gcr_basis(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def keep(o: Basis, z: vec3, q: vec3, qq: wp.array(dtype=wp.float64), count: wp.array(dtype=int)):
+    def store_gcr_direction(o: Basis, z: vec3, q: vec3, qq: wp.array(dtype=wp.float64), count: wp.array(dtype=int)):
         i = wp.tid()
         k = count[0] % o.beta.shape[0]
         o.p[k, i] = z[i]
@@ -108,4 +108,4 @@ def keep(real, module):
                 sum += qq[lane]
             o.size[k] = sum
 
-    return keep
+    return store_gcr_direction

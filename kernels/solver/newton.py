@@ -29,11 +29,11 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import DISTANCE, inverse
+from wsim.kernels.cloth.constraint import DISTANCE, inverse_or_zero
 from wsim.kernels.cloth.hessian import WHOLE, elements_of
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
-from wsim.kernels.motion.points import states
+from wsim.kernels.motion.points import point_states
 
 UNIT = {wp.float32: 6e-8, wp.float64: 1.1e-16}       # rounding of a number near 1
 ASIDE = 6e-8           # unit of float32; its square shows in sums of float64: with less a step aside would seem to gain nothing
@@ -43,12 +43,12 @@ ROUNDED = 16.0         # units of the trace of a block that are added to it: wha
 
 
 @cache
-def structs(real) -> SimpleNamespace:
+def newton_structs(real) -> SimpleNamespace:
     """Rows: which springs and elements act on a point; constant. Matrix: the Jacobian at one d."""
     t = types(real)
 
     @wp.struct
-    class Rows:
+    class NewtonPointRows:
         first: wp.array(dtype=int)           # points of a system: first[b] .. first[b + 1], (systems + 1,)
         w: wp.array(dtype=t.scalar)          # inverse mass [1/kg]; 0: the point keeps its d, (points,)
         spring: wp.array(dtype=int)          # entries of a point's springs: spring[i] .. spring[i + 1]
@@ -69,7 +69,7 @@ def structs(real) -> SimpleNamespace:
         aside: wp.array(dtype=t.scalar)      # ASIDE, or 0 after the first Newton step of a substep, (1,)
         P: wp.array(dtype=t.mat33)           # inverse of A_ii without filtered directions [m/N], (points,)
 
-    return SimpleNamespace(Rows=Rows, Matrix=Matrix)
+    return SimpleNamespace(Rows=NewtonPointRows, Matrix=Matrix)
 
 
 @wp.func
@@ -102,7 +102,7 @@ def inverse_of(D: Any, least: Any):
 
 
 @wp.func
-def pull(rows: Any, batch: Any, x: Any, d: Any, a: Any, i: int, e: int, rate: Any):
+def spring_newton_force(rows: Any, batch: Any, x: Any, d: Any, a: Any, i: int, e: int, rate: Any):
     """Entry e of the springs of point i: force [N], `link`, and (k (1 - l0/L) [N/m], negative if pressed; l0 [m])."""
     one = type(rate)(1.0)
     j = rows.other[e]
@@ -110,18 +110,18 @@ def pull(rows: Any, batch: Any, x: Any, d: Any, a: Any, i: int, e: int, rate: An
     moved = d[j] - d[i]
     X = (x[j] - x[i]) + moved
     L = wp.length(X)
-    n = inverse(L) * X
-    k = inverse(batch.alpha[c])
+    n = inverse_or_zero(L) * X
+    k = inverse_or_zero(batch.alpha[c])
     gamma = rate * batch.tau[c]
     l0 = batch.rest[c]
     side = k * side_of(L, l0)
     size = k * ((L - l0) + gamma * wp.dot(n, moved - (a[j] - a[i])))
     m = wp.sqrt((one + gamma) * k - side) * n
-    return size * n, wp.vector(m[0], m[1], m[2], side), wp.vector(k * (one - l0 * inverse(L)), l0)
+    return size * n, wp.vector(m[0], m[1], m[2], side), wp.vector(k * (one - l0 * inverse_or_zero(L)), l0)
 
 
 @wp.func
-def saddle(H: Any):
+def has_negative_direction(H: Any):
     """Whether a symmetric matrix has a negative direction: some leading minor is below zero."""
     zero = type(H[0, 0])(0.0)
     minor = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]
@@ -129,19 +129,20 @@ def saddle(H: Any):
 
 
 @wp.func
-def wave(x: Any, k0: float, k1: float, k2: float, phase: float):
+def aperiodic_wave(x: Any, k0: float, k1: float, k2: float, phase: float):
     """sin(k.x + phase)."""
     return wp.sin(type(x[0])(k0) * x[0] + type(x[0])(k1) * x[1] + type(x[0])(k2) * x[2] + type(x[0])(phase))
 
 
 @wp.func
-def aside(x: Any):
+def asymmetric_direction(x: Any):
     """Some direction at x, the same in each world, that has no symmetry."""
-    return wp.vector(wave(x, 977.0, 631.0, 353.0, 1.0), wave(x, 743.0, 419.0, 887.0, 2.0), wave(x, 569.0, 811.0, 461.0, 3.0))
+    return wp.vector(aperiodic_wave(x, 977.0, 631.0, 353.0, 1.0), aperiodic_wave(x, 743.0, 419.0, 887.0, 2.0),
+                     aperiodic_wave(x, 569.0, 811.0, 461.0, 3.0))
 
 
 @wp.func
-def gathered(rows: Any, el: Any, e: int):
+def sum_block_items(rows: Any, el: Any, e: int):
     """Block e: the sum of its items."""
     A = el.block.dtype()
     for k in range(rows.part[e], rows.part[e + 1]):
@@ -157,29 +158,29 @@ def gathered(rows: Any, el: Any, e: int):
 
 
 @cache
-def gather(real, module):
+def block_gather_kernel(real, module):
     """Kernel over LANES of the points: the blocks of their rows."""
-    s, Elements = structs(real), elements_of(real)
+    s, Elements = newton_structs(real), elements_of(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def gather_blocks(rows: s.Rows, el: Elements, A_out: s.Matrix):
         i = wp.tid() // wp.static(LANES)
         if rows.w[i] > real(0.0):
             for e in range(rows.pair[i] + wp.tid() - wp.static(LANES) * i, rows.pair[i + 1], wp.static(LANES)):
-                A_out.block[e] = gathered(rows, el, e)
+                A_out.block[e] = sum_block_items(rows, el, e)
 
     return gather_blocks
 
 
 @cache
-def assemble(real, module, springs: bool, elements: bool, apart: bool = False):
+def newton_assembly_kernel(real, module, springs: bool, elements: bool, apart: bool = False):
     """Kernel over points: force f [N] (minus the gradient of Phi), and the row of the Jacobian. Pinned points: zero. Reads
-    x, d, a of the points. apart: blocks are gathered already (`gather`)."""
-    t, s, Batch, Elements = types(real), structs(real), batch_of(DISTANCE, real), elements_of(real)
-    PointState = states(real)
+    x, d, a of the points. apart: blocks are gathered already (`block_gather_kernel`)."""
+    t, s, Batch, Elements = types(real), newton_structs(real), batch_of(DISTANCE, real), elements_of(real)
+    PointState = point_states(real)
 
-    def assemble(rows: s.Rows, batch: Batch, el: Elements, at: PointState, b: wp.array(dtype=t.vec3), rate: real,
-                 f_out: wp.array(dtype=t.vec3), A_out: s.Matrix):
+    def assemble_newton_rows(rows: s.Rows, batch: Batch, el: Elements, at: PointState, b: wp.array(dtype=t.vec3), rate: real,
+                             f_out: wp.array(dtype=t.vec3), A_out: s.Matrix):
         i = wp.tid()
         f = t.vec3()
         P = t.mat33()
@@ -191,22 +192,22 @@ def assemble(real, module, springs: bool, elements: bool, apart: bool = False):
                 bent = t.vec2()
                 H = t.mat33()
                 for e in range(rows.spring[i], rows.spring[i + 1]):
-                    pulled, link, across = pull(rows, batch, at.x, at.d, at.a, i, e, rate)
+                    pulled, link, across = spring_newton_force(rows, batch, at.x, at.d, at.a, i, e, rate)
                     f += pulled
                     bent = t.vec2(bent[0] + across[0], wp.max(bent[1], across[1]))
                     m = t.vec3(link[0], link[1], link[2])
                     D += link[3] * wp.identity(n=3, dtype=real) + wp.outer(m, m)
                     A_out.link[e] = link
                     if across[0] < real(0.0):
-                        H += across[0] * (wp.identity(n=3, dtype=real) - inverse(wp.dot(m, m)) * wp.outer(m, m))
-                if own + bent[0] < real(0.0) and saddle(D + H):
-                    f -= (A_out.aside[0] * bent[0] * bent[1]) * aside(at.x[i])
+                        H += across[0] * (wp.identity(n=3, dtype=real) - inverse_or_zero(wp.dot(m, m)) * wp.outer(m, m))
+                if own + bent[0] < real(0.0) and has_negative_direction(D + H):
+                    f -= (A_out.aside[0] * bent[0] * bent[1]) * asymmetric_direction(at.x[i])
             if wp.static(elements):
                 for e in range(rows.pair[i], rows.pair[i + 1]):
                     if wp.static(apart):
                         D -= A_out.block[e]
                     else:
-                        block = gathered(rows, el, e)
+                        block = sum_block_items(rows, el, e)
                         D -= block
                         A_out.block[e] = block
                 for e in range(rows.corner[i], rows.corner[i + 1]):
@@ -217,19 +218,19 @@ def assemble(real, module, springs: bool, elements: bool, apart: bool = False):
         A_out.P[i] = P
 
     name = "_".join(["assemble", *["springs"] * springs, *["elements"] * elements, *["apart"] * apart, t.name])
-    return wp.kernel(assemble, name=name, module=module, enable_backward=False)
+    return wp.kernel(assemble_newton_rows, name=name, module=module, enable_backward=False)
 
 
 @cache
 def begin(real, module):
     """Kernel over points: own, b: d as the prediction left it, and the way from there by which the last step's forces led."""
-    t, s = types(real), structs(real)
+    t, s = types(real), newton_structs(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def begin_newton(rows: s.Rows, d: wp.array(dtype=t.vec3), c: wp.array(dtype=t.vec3), rate: real,
                      A_out: s.Matrix, b_out: wp.array(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        A_out.own[i] = rate * rate * inverse(rows.w[i])
+        A_out.own[i] = rate * rate * inverse_or_zero(rows.w[i])
         b_out[i] = d[i]
         y = t.vec3()
         if rows.w[i] > real(0.0):
@@ -242,17 +243,17 @@ def begin(real, module):
 @cache
 def stay(real, module):
     """Kernel over points: the way from d back to where the substep began. Pinned points: none."""
-    t, s = types(real), structs(real)
+    t, s = types(real), newton_structs(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def stay(rows: s.Rows, e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
+    def stay_at_start(rows: s.Rows, e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         y = t.vec3()
         if rows.w[i] > real(0.0):
             y = e[i] - d[i]
         y_out[i] = y
 
-    return stay
+    return stay_at_start
 
 
 @cache
@@ -261,8 +262,8 @@ def end(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def end(d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), c_out: wp.array(dtype=t.vec3)):
+    def force_displacement(d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), c_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         c_out[i] = d[i] - b[i]
 
-    return end
+    return force_displacement

@@ -15,7 +15,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.spring import gather, net
+from wsim.kernels.cloth.spring import spring_gather_function, spring_nets
 from wsim.kernels.math.real import types
 
 LESS = 0.8                 # of a squared residual: what falls by a tenth a step goes on
@@ -23,34 +23,34 @@ PATIENCE = 10              # steps without, after which a solve ends where it is
 
 
 @cache
-def give(dtype):
+def gradient_transfer_kernel(dtype):
     """Kernel: adds a gradient to another and clears it."""
     real = getattr(dtype, "_wp_scalar_type_", dtype)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def give(grad: wp.array(dtype=dtype), into: wp.array(dtype=dtype)):
+    def transfer_gradient(grad: wp.array(dtype=dtype), into: wp.array(dtype=dtype)):
         i = wp.tid()
         g = grad[i]
         into[i] = into[i] + g
         grad[i] = dtype(real(0.0))
 
-    return give
+    return transfer_gradient
 
 
 @cache
-def force(real, module, flags: tuple):
+def implicit_force_kernel(real, module, flags: tuple):
     """Kernel over points: all elastic and damping forces [N]. pair: d and velocities, as kernels/motion/explicit.py has
     them."""
-    t, one = types(real), gather(real, **dict(flags))
-    Net, vec3 = net(real), t.vec3
+    t, one = types(real), spring_gather_function(real, **dict(flags))
+    Net, vec3 = spring_nets(real), t.vec3
 
     @wp.kernel(module=module, enable_backward=False)
-    def force(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
-              f_out: wp.array(dtype=vec3)):
+    def implicit_forces(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
+                        f_out: wp.array(dtype=vec3)):
         i = wp.tid()
         f_out[i] = one(net, f, x, pair, i, 0, 0)
 
-    return force
+    return implicit_forces
 
 
 @cache
@@ -59,12 +59,12 @@ def pairs(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def pairs(d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), rate: real, pair_out: wp.array(dtype=t.vec3)):
+    def form_velocity_pairs(d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), rate: real, pair_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         pair_out[i] = d[i]
         pair_out[2 * d.shape[0] + i] = rate * (d[i] - a[i])
 
-    return pairs
+    return form_velocity_pairs
 
 
 @cache
@@ -73,8 +73,10 @@ def residual(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def residual(w: wp.array(dtype=real), f: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3),
-                 a: wp.array(dtype=t.vec3), rate: real, r_out: wp.array(dtype=t.vec3), scale_out: wp.array(dtype=t.vec3)):
+    def implicit_residual(w: wp.array(dtype=real), f: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3),
+                          b: wp.array(dtype=t.vec3),
+                          a: wp.array(dtype=t.vec3), rate: real, r_out: wp.array(dtype=t.vec3),
+                          scale_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         r = t.vec3()
         scale = t.vec3()
@@ -85,7 +87,7 @@ def residual(real, module):
         r_out[i] = r
         scale_out[i] = scale
 
-    return residual
+    return implicit_residual
 
 
 @cache
@@ -94,15 +96,15 @@ def product(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def product(w: wp.array(dtype=real), p: wp.array(dtype=t.vec3), pair: wp.array(dtype=t.vec3), rate: real,
-                q_out: wp.array(dtype=t.vec3)):
+    def transpose_jacobian_product(w: wp.array(dtype=real), p: wp.array(dtype=t.vec3), pair: wp.array(dtype=t.vec3), rate: real,
+                                   q_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         q = t.vec3()
         if w[i] > real(0.0):
             q = (rate * rate / w[i]) * p[i] - (pair[i] + rate * pair[2 * p.shape[0] + i])
         q_out[i] = q
 
-    return product
+    return transpose_jacobian_product
 
 
 @cache
@@ -111,11 +113,11 @@ def free(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def free(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
+    def mask_pinned_points(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         v_out[i] = wp.where(w[i] > real(0.0), v[i], t.vec3())
 
-    return free
+    return mask_pinned_points
 
 
 @cache
@@ -125,7 +127,7 @@ def spread(real, module):
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def spread(w: wp.array(dtype=real), q: vec3, y: vec3, pair: vec3, rate: real, by_b: vec3, by_a: vec3):
+    def spread_implicit_adjoint(w: wp.array(dtype=real), q: vec3, y: vec3, pair: vec3, rate: real, by_b: vec3, by_a: vec3):
         i = wp.tid()
         moved = rate * pair[2 * q.shape[0] + i]
         if w[i] > real(0.0):
@@ -134,7 +136,7 @@ def spread(real, module):
             by_b[i] = by_b[i] + y[i] + pair[i] + moved
         by_a[i] = by_a[i] - moved
 
-    return spread
+    return spread_implicit_adjoint
 
 
 @cache
@@ -144,12 +146,12 @@ def weigh(real, module):
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def weigh(w: wp.array(dtype=real), q: vec3, d: vec3, b: vec3, rate: real, by_w: wp.array(dtype=real)):
+    def add_mass_gradient(w: wp.array(dtype=real), q: vec3, d: vec3, b: vec3, rate: real, by_w: wp.array(dtype=real)):
         i = wp.tid()
         if w[i] > real(0.0):
             by_w[i] = by_w[i] + (rate * rate / (w[i] * w[i])) * wp.dot(q[i], d[i] - b[i])
 
-    return weigh
+    return add_mass_gradient
 
 
 @cache
@@ -158,7 +160,7 @@ def dot(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def dot(u: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), part_out: wp.array(dtype=wp.float64)):
+    def dot_product_parts(u: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), part_out: wp.array(dtype=wp.float64)):
         lane = wp.tid()
         sum = wp.float64(0.0)
         for i in range(lane, u.shape[0], part_out.shape[0]):
@@ -168,11 +170,11 @@ def dot(real, module):
                 sum += wp.float64(a[k]) * wp.float64(b[k])
         part_out[lane] = sum
 
-    return dot
+    return dot_product_parts
 
 
 @wp.func
-def totals(u: wp.array(dtype=wp.float64), v: wp.array(dtype=wp.float64)):
+def sum_both_parts(u: wp.array(dtype=wp.float64), v: wp.array(dtype=wp.float64)):
     """Sums of both, which are as long."""
     a = wp.float64(0.0)
     b = wp.float64(0.0)
@@ -188,16 +190,16 @@ def add(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def add(u: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), over: wp.array(dtype=wp.float64),
-            under: wp.array(dtype=wp.float64), sign: wp.float64, u_out: wp.array(dtype=t.vec3)):
+    def add_scaled_vector(u: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), over: wp.array(dtype=wp.float64),
+                          under: wp.array(dtype=wp.float64), sign: wp.float64, u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        a, b = totals(over, under)
+        a, b = sum_both_parts(over, under)
         s = wp.float64(0.0)
         if b != wp.float64(0.0):
             s = sign * a / b
         u_out[i] = u[i] + real(s) * v[i]
 
-    return add
+    return add_scaled_vector
 
 
 @cache
@@ -206,14 +208,14 @@ def going(real, module):
     below most; count goes up by one."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def going(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64, most: int,
-              count: wp.array(dtype=int), going_out: wp.array(dtype=int)):
-        a, b = totals(now, least)
+    def continue_iterations(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64,
+                            most: int, count: wp.array(dtype=int), going_out: wp.array(dtype=int)):
+        a, b = sum_both_parts(now, least)
         n = count[0]
         count[0] = n + 1
         going_out[0] = wp.where(a > tolerance * tolerance * b and n < most, 1, 0)
 
-    return going
+    return continue_iterations
 
 
 @cache
@@ -222,9 +224,10 @@ def falling(real, module):
     how often it was not, are kept in `best`. Rounding may keep it above the tolerance."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def falling(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64, most: int,
-                count: wp.array(dtype=int), best: wp.array(dtype=wp.float64), going_out: wp.array(dtype=int)):
-        a, b = totals(now, least)
+    def continue_while_falling(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64,
+                               most: int,
+                               count: wp.array(dtype=int), best: wp.array(dtype=wp.float64), going_out: wp.array(dtype=int)):
+        a, b = sum_both_parts(now, least)
         n = count[0]
         count[0] = n + 1
         stale = best[1] + wp.float64(1.0)
@@ -235,7 +238,7 @@ def falling(real, module):
         goes = a > tolerance * tolerance * b and n < most and stale < wp.float64(wp.static(PATIENCE))
         going_out[0] = wp.where(goes, 1, 0)
 
-    return falling
+    return continue_while_falling
 
 
 @cache
@@ -243,9 +246,10 @@ def worst(real, module):
     """Kernel over one thread: the largest so far of the root of the sum of `now` over that of `first`."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def worst(now: wp.array(dtype=wp.float64), first: wp.array(dtype=wp.float64), worst_out: wp.array(dtype=wp.float64)):
-        a, b = totals(now, first)
+    def record_worst_ratio(now: wp.array(dtype=wp.float64), first: wp.array(dtype=wp.float64),
+                           worst_out: wp.array(dtype=wp.float64)):
+        a, b = sum_both_parts(now, first)
         if b > wp.float64(0.0):
             worst_out[0] = wp.max(worst_out[0], wp.sqrt(a / b))
 
-    return worst
+    return record_worst_ratio

@@ -8,10 +8,10 @@ P = F (A_ii)^-1 F is block Jacobi with a filter F per point: zero for pins, I - 
 and y stays in the filter's range, which makes it the modified method of Baraff and Witkin 1998 in the form of Ascher and
 Boxerman 2003, section 3. It ends when sqrt(r.P r) is `tolerance` times that of f.
 
-Two ways to run it: `solve` gives a block of threads to each body (on the CPU one thread), all iterations in one launch;
-`several` gives several blocks to a body, two launches an iteration. Sums are in float64 and in a fixed order. With a coarse
-space (kernels/solver/coarse_space.py) z gets more than P r between `advance` and `multiply`, and r is kept in the filter's
-range.
+Two ways to run it: `pcg_body_kernel` gives a block of threads to each body (on the CPU one thread), all iterations in one
+launch; `pcg_chunk_kernels` gives several blocks to a body, two launches an iteration. Sums are in float64 and in a fixed order.
+With a coarse space (kernels/solver/coarse_space.py) z gets more than P r between `advance` and `multiply`, and r is kept in the
+filter's range.
 """
 
 from functools import cache
@@ -22,7 +22,7 @@ import warp as wp
 
 from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.newton import structs
+from wsim.kernels.solver.newton import newton_structs
 
 
 @wp.func_native("""
@@ -41,13 +41,13 @@ from wsim.kernels.solver.newton import structs
     return v;
 #endif
 """)
-def total(v: wp.float64) -> wp.float64:
+def block_sum(v: wp.float64) -> wp.float64:
     """Sum over the threads of a block, the same in each; they meet here, and every one must come. Blocks of whole warps."""
     ...
 
 
 @wp.func
-def kept(P: Any):
+def range_projector(P: Any):
     """Projector on the range of a symmetric positive matrix: what a filter has left. Eigenvalues 1e5 apart are told from 0."""
     least = type(P[0, 0])(1.0e-5)
     S = P - P
@@ -68,7 +68,7 @@ def kept(P: Any):
 
 
 @cache
-def vectors(real):
+def pcg_vectors(real):
     """Struct of what an iteration carries: y [m], r, w, s [N], z, p [m], (points,)."""
     t = types(real)
 
@@ -85,12 +85,12 @@ def vectors(real):
 
 
 @cache
-def parts(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNamespace:
+def pcg_point_functions(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNamespace:
     """Functions of one point: product (A z)_i, begin, and step: what follows once alpha and beta are known."""
-    t, s, Vectors = types(real), structs(real), vectors(real)
+    t, s, Vectors = types(real), newton_structs(real), pcg_vectors(real)
 
     @wp.func
-    def product(i: int, rows: s.Rows, A: s.Matrix, z: wp.array(dtype=t.vec3)):
+    def newton_row_product(i: int, rows: s.Rows, A: s.Matrix, z: wp.array(dtype=t.vec3)):
         y = t.vec3()
         if rows.w[i] > real(0.0):
             zi = z[i]
@@ -107,10 +107,10 @@ def parts(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNa
         return y
 
     @wp.func
-    def begin(i: int, A: s.Matrix, f: wp.array(dtype=t.vec3), v: Vectors):
+    def begin_pcg_point(i: int, A: s.Matrix, f: wp.array(dtype=t.vec3), v: Vectors):
         r = f[i]
         if wp.static(coarse):
-            r = kept(A.P[i]) * r
+            r = range_projector(A.P[i]) * r
         z = A.P[i] * r
         v.y[i] = t.vec3()
         v.p[i] = t.vec3()
@@ -120,12 +120,12 @@ def parts(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNa
         return wp.float64(wp.dot(r, z))
 
     @wp.func
-    def step(i: int, A: s.Matrix, alpha: real, beta: real, v: Vectors):
+    def step_pcg_point(i: int, A: s.Matrix, alpha: real, beta: real, v: Vectors):
         p = v.z[i] + beta * v.p[i]
         q = v.w[i] + beta * v.s[i]
         r = v.r[i] - alpha * q
         if wp.static(coarse):
-            r = kept(A.P[i]) * r
+            r = range_projector(A.P[i]) * r
         z = A.P[i] * r
         v.p[i] = p
         v.s[i] = q
@@ -134,22 +134,22 @@ def parts(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNa
         v.z[i] = z
         return wp.float64(wp.dot(r, z))
 
-    return SimpleNamespace(product=product, begin=begin, step=step, name="_".join(
+    return SimpleNamespace(product=newton_row_product, begin=begin_pcg_point, step=step_pcg_point, name="_".join(
         [*["springs"] * springs, *["elements"] * elements, *["coarse"] * coarse, t.name]))
 
 
 @cache
-def solve(real, module, springs: bool, elements: bool):
+def pcg_body_kernel(real, module, springs: bool, elements: bool):
     """Kernel over bodies times a block of threads: y of v becomes A^-1 f.
 
     tolerance of sqrt(r.P r), cap of iterations; drop_out (bodies,) becomes f.y, twice what the quadratic model of Phi
     falls by [J]; count_out (bodies,) grows by the iterations.
     """
-    s, o, Vectors, t = structs(real), parts(real, springs, elements), vectors(real), types(real)
+    s, o, Vectors, t = newton_structs(real), pcg_point_functions(real, springs, elements), pcg_vectors(real), types(real)
     product, begin, step = o.product, o.begin, o.step
 
-    def solve(rows: s.Rows, A: s.Matrix, f: wp.array(dtype=t.vec3), tolerance: wp.float64, cap: int, v: Vectors,
-              drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
+    def solve_body_pcg(rows: s.Rows, A: s.Matrix, f: wp.array(dtype=t.vec3), tolerance: wp.float64, cap: int, v: Vectors,
+                       drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
         lo = rows.first[body] + lane
@@ -158,7 +158,7 @@ def solve(real, module, springs: bool, elements: bool):
         gamma = zero + zero
         for i in range(lo, hi, wp.block_dim()):
             gamma += begin(i, A, f, v)
-        gamma = total(gamma)
+        gamma = block_sum(gamma)
         enough = tolerance * tolerance * gamma
         before = wp.float64(1.0)
         alpha = wp.float64(1.0)
@@ -173,7 +173,7 @@ def solve(real, module, springs: bool, elements: bool):
                 w = product(i, rows, A, v.z)
                 v.w[i] = w
                 delta += wp.float64(wp.dot(v.z[i], w))
-            delta = total(delta)
+            delta = block_sum(delta)
             if k > 0:
                 beta = gamma / before
                 delta -= beta * gamma / alpha
@@ -185,13 +185,13 @@ def solve(real, module, springs: bool, elements: bool):
             gamma = wp.float64(0.0)
             for i in range(lo, hi, wp.block_dim()):
                 gamma += step(i, A, real(alpha), real(beta), v)
-            gamma = total(gamma)
+            gamma = block_sum(gamma)
             count += 1
         if lane == 0:
             drop_out[body] = drop
             count_out[body] = count_out[body] + count
 
-    return wp.kernel(solve, name=f"pcg_{o.name}", module=module, enable_backward=False, grid_stride=False,
+    return wp.kernel(solve_body_pcg, name=f"pcg_{o.name}", module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=BLOCK)
 
 
@@ -210,21 +210,22 @@ class Chunks:
 
 
 @wp.func
-def gathered(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int):
+def sum_chunk_parts(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int):
     """Sum of parts first .. last, by all threads of a block."""
     sum = wp.float64(0.0)
     for c in range(first + lane, last, wp.block_dim()):
         sum += parts[c]
-    return total(sum)
+    return block_sum(sum)
 
 
 @cache
-def several(real, module, springs: bool, elements: bool, coarse: bool = False) -> SimpleNamespace:
+def pcg_chunk_kernels(real, module, springs: bool, elements: bool, coarse: bool = False) -> SimpleNamespace:
     """Kernels over chunks times a block of threads: `start`, then `multiply` and `advance` in turn until none is going.
 
     `advance` reads row `side` of `gamma`, `last` and `done` and writes the other.
     """
-    s, o, Vectors, t = structs(real), parts(real, springs, elements, coarse), vectors(real), types(real)
+    s, o, Vectors, t = (newton_structs(real), pcg_point_functions(real, springs, elements, coarse), pcg_vectors(real),
+                        types(real))
     product, begin, step = o.product, o.begin, o.step
 
     def start(c: Chunks, A: s.Matrix, f: wp.array(dtype=t.vec3), v: Vectors, drop_out: wp.array(dtype=wp.float64)):
@@ -234,7 +235,7 @@ def several(real, module, springs: bool, elements: bool, coarse: bool = False) -
         gamma = wp.float64(0.0)
         for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
             gamma += begin(i, A, f, v)
-        c.gamma[0, chunk] = total(gamma)
+        c.gamma[0, chunk] = block_sum(gamma)
         if chunk == c.own[body] and lane == 0:
             c.last[0, body] = wp.vec4d(wp.float64(1.0), wp.float64(1.0), wp.float64(-1.0), wp.float64(0.0))
             c.done[0, body] = 0
@@ -253,7 +254,7 @@ def several(real, module, springs: bool, elements: bool, coarse: bool = False) -
             w = product(i, rows, A, v.z)
             v.w[i] = w
             delta += wp.float64(wp.dot(v.z[i], w))
-        c.delta[chunk] = total(delta)
+        c.delta[chunk] = block_sum(delta)
 
     def advance(c: Chunks, A: s.Matrix, tolerance: wp.float64, cap: int, side: int, v: Vectors,
                 drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
@@ -266,8 +267,8 @@ def several(real, module, springs: bool, elements: bool, coarse: bool = False) -
                 c.done[1 - side, body] = 1
             return
         last = c.last[side, body]
-        gamma = gathered(c.gamma[side], c.own[body], c.own[body + 1], lane)
-        delta = gathered(c.delta, c.own[body], c.own[body + 1], lane)
+        gamma = sum_chunk_parts(c.gamma[side], c.own[body], c.own[body + 1], lane)
+        delta = sum_chunk_parts(c.delta, c.own[body], c.own[body + 1], lane)
         enough = last[2]
         beta = wp.float64(0.0)
         if enough < wp.float64(0.0):
@@ -284,7 +285,7 @@ def several(real, module, springs: bool, elements: bool, coarse: bool = False) -
         rest = wp.float64(0.0)
         for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
             rest += step(i, A, real(alpha), real(beta), v)
-        c.gamma[1 - side, chunk] = total(rest)
+        c.gamma[1 - side, chunk] = block_sum(rest)
         if first:
             c.done[1 - side, body] = 0
             c.last[1 - side, body] = wp.vec4d(gamma, alpha, enough, last[3] + wp.float64(1.0))

@@ -10,10 +10,10 @@
 twice in a colour, so a colour needs no atomics and does not depend on the order of threads. A kernel reads only what
 its variant needs; the arrays that it does not need may be None.
 
-Two kernels share one formula: `projection` gives a thread to each constraint of a colour, a launch a colour; `sweep` is one
-launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in turn).
-Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block each, which goes through the
-colours of its own: their points stay in the caches for all of a sweep.
+Two kernels share one formula: `xpbd_projection_kernel` gives a thread to each constraint of a colour, a launch a colour;
+`sweep` is one launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in
+turn). Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block each, which goes
+through the colours of its own: their points stay in the caches for all of a sweep.
 """
 
 from functools import cache
@@ -22,18 +22,18 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import Constraint, membrane_response, membrane_shear, membrane_slender
-from wsim.kernels.cloth.terms import length, plane_stress, variant
+from wsim.kernels.cloth.terms import constraint_variant, plane_stress_matrix, rest_length_function
 from wsim.kernels.math import block
 from wsim.kernels.math.matrix import solve_block
-from wsim.kernels.motion.points import states
+from wsim.kernels.motion.points import point_states
 
 TINY = {wp.float32: 4.0 * 2.0**-23, wp.float64: 4.0 * 2.0**-52}       # roundings left where elimination ends in 0
 CALM = 1e-2            # strain below which no step of a membrane is too long, up to triangles of 1 : 800
 
 
 @cache
-def projection(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
-               uniform: bool = False, backward: bool = False, exact: bool = False):
+def xpbd_projection_kernel(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False,
+                           damped: bool = False, uniform: bool = False, backward: bool = False, exact: bool = False):
     """(Batch, kernel) of a kind of constraint.
 
     multipliers   lam is read and written: needed when a substep runs more than one iteration
@@ -43,30 +43,30 @@ def projection(constraint: Constraint, *, real=wp.float32, module="unique", mult
     The kernel's arguments: batch, at (x, d, a of the points), first, rate, omega, lam, d_out, lam_out (lam vec3 for the
     membrane); launched over the constraints of a colour, the first of which is `first`.
     """
-    o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
-    vec3, value, PointState, one = o.t.vec3, o.value, states(real), one_of(o, backward)
+    o = constraint_variant(constraint, real, multipliers, damped, uniform, exact=exact)
+    vec3, value, PointState, one = o.t.vec3, o.value, point_states(real), one_of(o, backward)
 
-    def project(batch: o.Batch, at: PointState, first: int, rate: real, omega: real, lam: wp.array(dtype=value),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+    def project_colour(batch: o.Batch, at: PointState, first: int, rate: real, omega: real, lam: wp.array(dtype=value),
+                       d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
         one(first + wp.tid(), batch, at, rate, omega, lam, d_out, lam_out)
 
     name = f"project_{o.name}" + ("_backward" if backward else "")
-    return o.Batch, wp.kernel(project, name=name, module=module, enable_backward=backward)
+    return o.Batch, wp.kernel(project_colour, name=name, module=module, enable_backward=backward)
 
 
 @cache
-def sweep(constraint: Constraint, *, real=wp.float32, module="unique", **kind):
-    """(Batch, kernel) as `projection`, kind: multipliers, damped, uniform, exact; for all colours in one launch: of a block of
-    threads a world on a GPU, of a thread on the CPU.
+def xpbd_sweep_kernel(constraint: Constraint, *, real=wp.float32, module="unique", **kind):
+    """(Batch, kernel) as `xpbd_projection_kernel`, kind: multipliers, damped, uniform, exact; for all colours in one launch: of
+    a block of threads a world on a GPU, of a thread on the CPU.
 
     The kernel's arguments: batch, at, colours, rate, omega, lam, d_out, lam_out; colours (colours,): where each begins, and its
     constraints of a world, which stand behind those of the world before.
     """
-    o = variant(constraint, real, **kind)
-    vec3, value, PointState, one = o.t.vec3, o.value, states(real), one_of(o, False)
+    o = constraint_variant(constraint, real, **kind)
+    vec3, value, PointState, one = o.t.vec3, o.value, point_states(real), one_of(o, False)
 
-    def sweep(batch: o.Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
-              lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+    def xpbd_sweep(batch: o.Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
+                   lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
         world = wp.tid() // wp.block_dim()
         i = wp.tid() - world * wp.block_dim()
         for k in range(colours.shape[0]):
@@ -74,16 +74,16 @@ def sweep(constraint: Constraint, *, real=wp.float32, module="unique", **kind):
             first = colour[0] + world * colour[1]
             for c in range(first + i, first + colour[1], wp.block_dim()):
                 one(c, batch, at, rate, omega, lam, d_out, lam_out)
-            block.meet()
+            block.block_barrier()
 
-    return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
+    return o.Batch, wp.kernel(xpbd_sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
                                launch_bounds=block.BLOCK)
 
 
 def one_of(o, backward: bool):
     """Function: projection of constraint c. at: a struct that has x, d, a."""
-    o.read_points, o.read_rest = block.reads(o.points, o.t.mat22 if o.rows == 3 else o.t.scalar, plain=backward)
-    return _block(o) if o.rows == 3 else _row(o)
+    o.read_points, o.read_rest = block.table_read_functions(o.points, o.t.mat22 if o.rows == 3 else o.t.scalar, plain=backward)
+    return _block_projection(o) if o.rows == 3 else _row_projection(o)
 
 
 @wp.func
@@ -112,23 +112,23 @@ def weights_of(n: int, real):
     ids, inverses = wp.types.vector(n, int), wp.types.vector(n, real)
 
     @wp.func
-    def weights(w: wp.array(dtype=real), p: ids):
+    def point_weights(w: wp.array(dtype=real), p: ids):
         W = inverses()
         for k in range(n):
             W[k] = w[p[k]]
         return W
 
-    return weights
+    return point_weights
 
 
-def _row(o):
+def _row_projection(o):
     """Projection of constraints with one row."""
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
-    weights, read_points, read_length = weights_of(o.points, real), o.read_points, length(o)
+    weights, read_points, read_length = weights_of(o.points, real), o.read_points, rest_length_function(o)
 
     @wp.func
-    def project(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=real),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
+    def project_row_constraint(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=real),
+                               d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
         p = read_points(batch.point, c)
         rest = read_length(batch, c)
         alpha = real(0.0)
@@ -157,17 +157,17 @@ def _row(o):
             if wp.static(o.lam or o.stored):
                 lam_out[c] = before + dlam
 
-    return project
+    return project_row_constraint
 
 
-def _block(o):
+def _block_projection(o):
     """Projection of constraints with three rows on three points: the three multipliers are solved for together."""
     real, vec3, terms, place = o.t.scalar, o.t.vec3, o.terms, o.place
     read_points, read_rest, tiny = o.read_points, o.read_rest, TINY[real]
 
     @wp.func
-    def project(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=vec3),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
+    def project_block_constraint(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=vec3),
+                                 d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
         p = read_points(batch.point, c)
         rest = read_rest(batch.rest, c)
         alpha = (rate * rate) * batch.alpha[place(c)]
@@ -183,7 +183,7 @@ def _block(o):
         C, r, G1, G2, N = terms(p, rest, at.x, at.d, at.a, alpha, gamma, before)
         G0 = -(G1 + G2)
         S = membrane_response(C, rest, w0, w1, w2)
-        dlam = omega * solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
+        dlam = omega * solve_block((real(1.0) + gamma) * S + plane_stress_matrix(alpha), r, real(tiny))
         if wp.dot(r, r) > real(CALM * CALM):
             slender = membrane_slender(rest)
             most = real(2.0) * slender[1]
@@ -196,4 +196,4 @@ def _block(o):
         if wp.static(o.lam):
             lam_out[c] = before + dlam
 
-    return project
+    return project_block_constraint

@@ -18,16 +18,16 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import Constraint, inverse
-from wsim.kernels.cloth.terms import variant
+from wsim.kernels.cloth.constraint import Constraint, inverse_or_zero
+from wsim.kernels.cloth.terms import constraint_variant
 from wsim.kernels.math import block
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.xpbd import one_of, weights_of
-from wsim.kernels.solver.xpbd_vjp import lacking, length, need, product
+from wsim.kernels.solver.xpbd_vjp import length_derivation, multiplier_work_function, rounding_gaps, work_dummy
 
 
 @wp.func
-def itself(y: Any):
+def same_vector(y: Any):
     """A vector."""
     return y
 
@@ -39,11 +39,11 @@ def first_of(y: Any):
 
 
 @cache
-def seen(vec3, value):
+def sweep_states(vec3, value):
     """Struct of what a sweep reads and writes but for its tables. kept: d of the points, (m, points) by point, or none."""
 
     @wp.struct
-    class Seen:
+    class SweepState:
         x: wp.array(dtype=vec3)
         a: wp.array(dtype=vec3)
         d: wp.array(dtype=vec3)              # in place
@@ -51,33 +51,33 @@ def seen(vec3, value):
         lam: wp.array(dtype=value)           # before the sweep
         lam_out: wp.array(dtype=value)       # after it
 
-    return Seen
+    return SweepState
 
 
 @cache
-def grads(vec3, value):
+def sweep_gradients(vec3, value):
     """Struct of gradients: d and lam by what is after a sweep, which become those by what was before; the others are added
     to."""
 
     @wp.struct
-    class Grads:
+    class SweepGradients:
         x: wp.array(dtype=vec3)
         a: wp.array(dtype=vec3)
         d: wp.array(dtype=vec3)
         lam: wp.array(dtype=value)
 
-    return Grads
+    return SweepGradients
 
 
 @cache
-def sweep(constraint: Constraint, real, module, damped: bool, kept: bool, fused: bool):
+def recorded_sweep_kernel(constraint: Constraint, real, module, damped: bool, kept: bool, fused: bool):
     """Kernel of a sweep that leaves behind what its adjoint needs. fused: one block takes all colours, between `first` and the
     end; else a launch is a colour that begins at starts[first]. Arguments: batch, seen, starts, first, rate, omega."""
-    o = variant(constraint, real, True, damped, False, stored=True)
-    one, n, Seen = one_of(o, False), o.points, seen(o.t.vec3, o.value)
+    o = constraint_variant(constraint, real, True, damped, False, stored=True)
+    one, n, Seen = one_of(o, False), o.points, sweep_states(o.t.vec3, o.value)
 
     @wp.func
-    def take(c: int, batch: o.Batch, s: Seen, rate: real, omega: real):
+    def record_projection(c: int, batch: o.Batch, s: Seen, rate: real, omega: real):
         s.lam_out[c] = s.lam[c]
         if wp.static(kept):
             p = batch.point[c]
@@ -85,17 +85,17 @@ def sweep(constraint: Constraint, real, module, damped: bool, kept: bool, fused:
                 s.kept[k, c] = s.d[p[k]]
         one(c, batch, s, rate, omega, s.lam, s.d, s.lam_out)
 
-    def forward(batch: o.Batch, s: Seen, starts: wp.array(dtype=int), first: int, rate: real, omega: real):
+    def recorded_sweep(batch: o.Batch, s: Seen, starts: wp.array(dtype=int), first: int, rate: real, omega: real):
         i = wp.tid()
         if wp.static(fused):
             for colour in range(starts.shape[0] - 1):
                 for c in range(starts[colour] + i, starts[colour + 1], wp.block_dim()):
-                    take(c, batch, s, rate, omega)
-                block.meet()
+                    record_projection(c, batch, s, rate, omega)
+                block.block_barrier()
         else:
-            take(starts[first] + i, batch, s, rate, omega)
+            record_projection(starts[first] + i, batch, s, rate, omega)
 
-    return _kernel(forward, f"stored_{o.name}{'_kept' * kept}", module, fused)
+    return _recorded_kernel(recorded_sweep, f"stored_{o.name}{'_kept' * kept}", module, fused)
 
 
 @cache
@@ -103,56 +103,57 @@ def sweep_adjoint(constraint: Constraint, real, module, damped: bool, kept: bool
     """Kernel of the adjoint of `sweep`; colours in reverse. placed: it adds the gradients by x; else they are what those by d
     have gained. Arguments: batch, gradients by the tables, seen (d after the sweep, becomes that before it), gradients, starts,
     first, rate, omega."""
-    o = variant(constraint, real, True, damped, False, stored=True)
+    o = constraint_variant(constraint, real, True, damped, False, stored=True)
     o.placed = placed
-    Seen, Grads = seen(o.t.vec3, o.value), grads(o.t.vec3, o.value)
-    one = _back(o) if kept else _back_length(o)
+    Seen, Grads = sweep_states(o.t.vec3, o.value), sweep_gradients(o.t.vec3, o.value)
+    one = _projection_adjoint_function(o) if kept else _back_length(o)
 
-    def backward(batch: o.Batch, by: o.Batch, s: Seen, g: Grads, starts: wp.array(dtype=int), first: int, rate: real,
-                 omega: real):
+    def recorded_sweep_adjoint(batch: o.Batch, by: o.Batch, s: Seen, g: Grads, starts: wp.array(dtype=int), first: int,
+                               rate: real, omega: real):
         i = wp.tid()
         if wp.static(fused):
             last = starts.shape[0] - 2
             for colour in range(last + 1):
                 for c in range(starts[last - colour] + i, starts[last - colour + 1], wp.block_dim()):
                     one(c, batch, by, s, g, rate, omega)
-                block.meet()
+                block.block_barrier()
         else:
             one(starts[first] + i, batch, by, s, g, rate, omega)
 
     if kept:
-        need(o, module)
-    return _kernel(backward, f"undo_{o.name}{'_kept' * kept}{'_placed' * placed}", module, fused)
+        work_dummy(o, module)
+    return _recorded_kernel(recorded_sweep_adjoint, f"undo_{o.name}{'_kept' * kept}{'_placed' * placed}", module, fused)
 
 
 @cache
-def shift(real, module):
+def gradient_shift_kernel(real, module):
     """Kernel over points: adds `sign` times one gradient to another."""
     vec3 = wp.array(dtype=types(real).vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def shift(grad: vec3, sign: real, into: vec3):
+    def shift_gradient(grad: vec3, sign: real, into: vec3):
         i = wp.tid()
         into[i] = into[i] + sign * grad[i]
 
-    return shift
+    return shift_gradient
 
 
-def _kernel(function, name: str, module, fused: bool):
+def _recorded_kernel(function, name: str, module, fused: bool):
     how = {"grid_stride": False, "launch_bounds": block.BLOCK} if fused else {}
     return wp.kernel(function, name=f"{name}{'_fused' * fused}", module=module, enable_backward=False, **how)
 
 
-def _back(o):
+def _projection_adjoint_function(o):
     """Function: the adjoint of the projection of constraint c, whose points left their d behind."""
-    real, vec3, n, last = o.t.scalar, o.t.vec3, o.points, itself if o.rows == 3 else first_of
-    formula, weights, Seen, Grads = product(o), weights_of(n, real), seen(vec3, o.value), grads(vec3, o.value)
-    lacks = lacking(o) if o.exact else None
+    real, vec3, n, last = o.t.scalar, o.t.vec3, o.points, same_vector if o.rows == 3 else first_of
+    formula, weights, Seen, Grads = (multiplier_work_function(o), weights_of(n, real), sweep_states(vec3, o.value),
+                                     sweep_gradients(vec3, o.value))
+    lacks = rounding_gaps(o) if o.exact else None
     damped, placed, m = o.damped, o.placed, n - 1   # a constant: loops to it are unrolled, which adjoints of loops need
     rows, ends, more = (wp.types.matrix((k, 3), real) for k in (m, n, n + 1 + (o.rows == 3)))
 
     @wp.func
-    def back(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
+    def adjoint_of_projection(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
         p = batch.point[c]
         N = ends()
         Y = more()                # below the points that by lam
@@ -189,14 +190,14 @@ def _back(o):
         for k in range(m):
             first -= gX[k]
             moved -= gV[k]
-            spread(g, p[k + 1], gX[k], gV[k], Y[k + 1], damped, False, placed)
-        spread(g, p[0], first, moved, Y[0], damped, False, placed)
+            spread_projection_adjoint(g, p[k + 1], gX[k], gV[k], Y[k + 1], damped, False, placed)
+        spread_projection_adjoint(g, p[0], first, moved, Y[0], damped, False, placed)
 
-    return back
+    return adjoint_of_projection
 
 
 @wp.func
-def spread(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool, placed: bool):
+def spread_projection_adjoint(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool, placed: bool):
     """Adds to the gradients by place (if placed), displacement and anchor of a point; many: other threads do as well."""
     if many:
         wp.atomic_add(g.x, i, gX)
@@ -211,12 +212,13 @@ def spread(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool, p
 
 def _back_length(o):
     """Function: the adjoint of the projection of a length."""
-    real, vec3, formula, undo = o.t.scalar, o.t.vec3, length(o), _undo(o)
-    Seen, Grads, damped, anchored, placed = seen(vec3, o.value), grads(vec3, o.value), o.damped, o.anchored, o.placed
-    read_points, read = block.reads(2, real)
+    real, vec3, formula, undo = o.t.scalar, o.t.vec3, length_derivation(o), _undo_projection_function(o)
+    Seen, Grads, damped, anchored, placed = (sweep_states(vec3, o.value), sweep_gradients(vec3, o.value), o.damped, o.anchored,
+                                             o.placed)
+    read_points, read = block.table_read_functions(2, real)
 
     @wp.func
-    def back(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
+    def distance_projection_adjoint(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
         p = read_points(batch.point, c)
         i = p[0]
         j = p[1]
@@ -248,26 +250,26 @@ def _back_length(o):
         if wp.static(not o.anchored):
             by.w[i] = by.w[i] + gW[0]
         by.w[j] = by.w[j] + gW[1]
-        spread(g, j, gX, gV, Y[1], damped, False, placed)
-        spread(g, i, -gX, -gV, Y[0], damped, anchored, placed)
+        spread_projection_adjoint(g, j, gX, gV, Y[1], damped, False, placed)
+        spread_projection_adjoint(g, i, -gX, -gV, Y[0], damped, anchored, placed)
 
-    return back
+    return distance_projection_adjoint
 
 
-def _undo(o):
+def _undo_projection_function(o):
     """Function: d of two points before a projection of their distance, from those after it; how: rate, omega, dlam."""
-    real, Seen = o.t.scalar, seen(o.t.vec3, o.value)
+    real, Seen = o.t.scalar, sweep_states(o.t.vec3, o.value)
     ends = wp.types.matrix((2, 3), real)
 
     @wp.func
-    def undo(batch: o.Batch, s: Seen, c: int, p: o.ids, N: ends, W: o.t.vec2, how: o.t.vec3):
+    def undo_projection(batch: o.Batch, s: Seen, c: int, p: o.ids, N: ends, W: o.t.vec2, how: o.t.vec3):
         rate = how[0]
         omega = how[1]
         dlam = how[2]
         step = (W[0] + W[1]) * dlam
         r = (s.x[p[1]] - s.x[p[0]]) + (N[1] - N[0])
         L = wp.length(r)
-        n = inverse(L) * r
+        n = inverse_or_zero(L) * r
         if step < -L:                                    # else they have not passed each other
             rest = batch.rest[c]
             straight = L - step - rest
@@ -291,4 +293,4 @@ def _undo(o):
                 n = -n
         return wp.matrix_from_rows(N[0] + (W[0] * dlam) * n, N[1] - (W[1] * dlam) * n)
 
-    return undo
+    return undo_projection

@@ -13,40 +13,40 @@ sweep has left, -omega (C + alpha lam + gamma n.V) / B,  s = dlam (n.E + y),  f 
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse, membrane_response, membrane_shear, membrane_slender
-from wsim.kernels.cloth.terms import plane_stress
+from wsim.kernels.cloth.constraint import inverse_or_zero, membrane_response, membrane_shear, membrane_slender
+from wsim.kernels.cloth.terms import plane_stress_matrix
 from wsim.kernels.math.matrix import solve_block
 from wsim.kernels.solver.xpbd import CALM, TINY
 
 
-def product(o):
+def multiplier_work_function(o):
     """Function s of a variant `o` of kernels/solver/xpbd.py: (X, V, W, rest, alpha, lam, how, Y). X: places and V: velocities
     (times h) to the first point; W: inverse masses; how: gamma, omega; Y has a row a point, and below them y (in its first
-    entry where a constraint has one row) and, where there are three, what -C lacks (`lacking`)."""
-    return _block(o) if o.rows == 3 else _row(o)
+    entry where a constraint has one row) and, where there are three, what -C lacks (`rounding_gaps`)."""
+    return _block_work_function(o) if o.rows == 3 else _row_work_function(o)
 
 
-def need(o, module) -> None:
+def work_dummy(o, module) -> None:
     """A kernel that never runs. Warp 1.19 leaves the adjoints of functions empty that no kernel with an adjoint calls; those
     that a product calls would then be 0 in `wp.grad`, without a word."""
     n, real, block = o.points, o.t.scalar, o.rows == 3
-    formula, rest = product(o), o.t.mat22 if block else real
+    formula, rest = multiplier_work_function(o), o.t.mat22 if block else real
     rows, ends = wp.types.matrix((n - 1, 3), real), wp.types.matrix((n + 1 + block, 3), real)
     inverses = wp.types.vector(n, real)
 
-    def called(rest: rest, alpha: o.entry, lam: o.value, out: wp.array(dtype=real)):
+    def call_multiplier_work(rest: rest, alpha: o.entry, lam: o.value, out: wp.array(dtype=real)):
         out[0] = formula(rows(), rows(), inverses(), rest, alpha, lam, o.t.vec2(), ends())
 
-    wp.kernel(called, name=f"need_{o.name}", module=module, enable_backward=True)
+    wp.kernel(call_multiplier_work, name=f"need_{o.name}", module=module, enable_backward=True)
 
 
-def _row(o):
+def _row_work_function(o):
     """Of constraints with one row and a compliance."""
     real, vec3, m, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
     rows, ends, inverses = wp.types.matrix((m, 3), real), wp.types.matrix((m + 2, 3), real), wp.types.vector(m + 1, real)
 
     @wp.func
-    def product(X: rows, V: rows, W: inverses, rest: real, alpha: real, lam: real, how: o.t.vec2, Y: ends):
+    def row_multiplier_work(X: rows, V: rows, W: inverses, rest: real, alpha: real, lam: real, how: o.t.vec2, Y: ends):
         C, G = formula(X, rest)
         r = -C - alpha * lam
         below = real(0.0)
@@ -66,22 +66,22 @@ def _row(o):
             out = (how[1] * r / below) * s
         return out
 
-    return product
+    return row_multiplier_work
 
 
-def _block(o):
+def _block_work_function(o):
     """Of constraints with three rows on three points."""
     real, vec3, formula, mat22, tiny = o.t.scalar, o.t.vec3, o.formula, o.t.mat22, TINY[o.t.scalar]
     rows, ends = wp.types.matrix((2, 3), real), wp.types.matrix((5, 3), real)
 
     @wp.func
-    def product(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, Y: ends):
+    def block_multiplier_work(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, Y: ends):
         C, G1, G2 = formula(X, rest)
-        r = Y[4] - C - plane_stress(alpha) * lam
+        r = Y[4] - C - plane_stress_matrix(alpha) * lam
         if wp.static(o.damped):
             r -= how[0] * (G1 * V[0] + G2 * V[1])
         S = membrane_response(C, rest, W[0], W[1], W[2])
-        dlam = how[1] * solve_block((real(1.0) + how[0]) * S + plane_stress(alpha), r, real(tiny))
+        dlam = how[1] * solve_block((real(1.0) + how[0]) * S + plane_stress_matrix(alpha), r, real(tiny))
         calm = real(1.0)
         if wp.dot(r, r) > real(CALM * CALM):
             slender = membrane_slender(rest)
@@ -92,39 +92,39 @@ def _block(o):
         s = Y[3] + W[1] * (G1 * Y[1]) + W[2] * (G2 * Y[2]) - W[0] * ((G1 + G2) * Y[0])
         return calm * wp.dot(dlam, s)
 
-    return product
+    return block_multiplier_work
 
 
-def lacking(o):
-    """Function: what -C of `product` lacks for the dlam that a sweep has left, whose C was not rounded to float32; 0 where a
-    step was cut."""
+def rounding_gaps(o):
+    """Function: what -C of `multiplier_work_function` lacks for the dlam that a sweep has left, whose C was not rounded to
+    float32; 0 where a step was cut."""
     real, vec3, formula, mat22 = o.t.scalar, o.t.vec3, o.formula, o.t.mat22
     rows = wp.types.matrix((2, 3), real)
 
     @wp.func
-    def lacking(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, dlam: vec3):
+    def rounding_gap(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, dlam: vec3):
         C, G1, G2 = formula(X, rest)
-        r = -C - plane_stress(alpha) * lam
+        r = -C - plane_stress_matrix(alpha) * lam
         if wp.static(o.damped):
             r -= how[0] * (G1 * V[0] + G2 * V[1])
         S = membrane_response(C, rest, W[0], W[1], W[2])
-        found = (((real(1.0) + how[0]) * S + plane_stress(alpha)) * dlam) / how[1] - r
+        found = (((real(1.0) + how[0]) * S + plane_stress_matrix(alpha)) * dlam) / how[1] - r
         if wp.dot(r, r) > real(CALM * CALM):
             found = vec3()
         return found
 
-    return lacking
+    return rounding_gap
 
 
-def length(o):
+def length_derivation(o):
     """Function: derivatives of s of a length by X, V, W, rest, alpha, lam and gamma; how: gamma, omega, y. What is unilateral
     and slack has left a dlam of 0."""
     real, vec3, vec2, two = o.t.scalar, o.t.vec3, o.t.vec2, wp.types.matrix((2, 3), o.t.scalar)
 
     @wp.func
-    def length(X: vec3, V: vec3, W: vec2, dlam: real, alpha: real, lam: real, how: vec3, Y: two):
+    def length_derivatives(X: vec3, V: vec3, W: vec2, dlam: real, alpha: real, lam: real, how: vec3, Y: two):
         L = wp.length(X)
-        over = inverse(L)
+        over = inverse_or_zero(L)
         n = over * X
         E = W[1] * Y[1] - W[0] * Y[0]
         gamma = how[0]
@@ -132,7 +132,7 @@ def length(o):
         if wp.static(o.damped):
             slide = wp.dot(n, V)
         B = (real(1.0) + gamma) * (W[0] + W[1]) + alpha
-        b = inverse(B)
+        b = inverse_or_zero(B)
         along = wp.dot(n, E) + how[2]
         f = how[1] * b * along
         s = dlam * along
@@ -148,4 +148,4 @@ def length(o):
         gW = vec2(-dlam * wp.dot(n, Y[0]) - own, dlam * wp.dot(n, Y[1]) - own)
         return gX, gV, gW, f, -f * lam - s * b, -f * alpha, -f * slide - s * (W[0] + W[1]) * b
 
-    return length
+    return length_derivatives

@@ -13,10 +13,10 @@ import sys
 import numpy as np
 
 from wsim import Bulk, Curve, Motion, Plane, Recorder, Scene, Simulation
-from wsim.fitting.fields.lbfgs import Descent, Place
+from wsim.fitting.fields.lbfgs import FitPoint, LbfgsDescent
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.gradient.rollout.smoothed import Trust, trust
+from wsim.gradient.rollout.smoothed import GradientTrust, trust
 from wsim.scene import shapes
 from wsim.show.picture import Camera, picture
 
@@ -107,13 +107,13 @@ class Walk:
     def learn(self, limit: int) -> tuple[np.ndarray, bool]:
         """Controls, and whether they gain nothing any more."""
         x = first().ravel()
-        descent, still = Descent(self.look, Place(x, *self.look(x)), np.array([1.0, EFFORT]), radius=0.3), 0
+        descent, still = LbfgsDescent(self.look, FitPoint(x, *self.look(x)), np.array([1.0, EFFORT]), radius=0.3), 0
         while self.gradients < limit and still < 3:
             before = descent.value
             still = 3 if not descent.step() else still + 1 if before - descent.value < DONE else 0
         return descent.at.x.reshape(KEYS, 4), still >= 3
 
-    def trust(self, controls: np.ndarray, spread: float, samples: int) -> Trust:
+    def trust(self, controls: np.ndarray, spread: float, samples: int) -> GradientTrust:
         """Whether the gradient at these controls says what changes of the factors by `spread` do, all together."""
         self.rollout.run({self.NAME: factors(controls, self.count)})
         return trust(self.rollout, self.far, self.slope, spreads={self.NAME: spread}, samples=samples)[0]

@@ -14,10 +14,10 @@ from tests.conftest import grid
 from wsim import cli
 from wsim.bench import Report, bench, cache, front, reference, sweep
 from wsim.bench.budget import Budget
-from wsim.bench.front import Measured
-from wsim.bench.setting import Setting, first_substeps, smooth
-from wsim.bench.study import looked_at
-from wsim.bench.track import Sighting, distance, run, size
+from wsim.bench.front import MeasuredSetting
+from wsim.bench.setting import Setting, first_substeps, scene_is_smooth
+from wsim.bench.study import default_bench_frames
+from wsim.bench.track import SampledFrames, largest_body_extent, rms_point_distance, run_with_setting
 from wsim.cli import bench as command
 from wsim.scene import Scene, SceneError, Surface
 from wsim.scene.fabric import Fabric
@@ -27,8 +27,8 @@ from wsim.usd import save
 G = 9.81
 
 
-def row(ms, largest, precision="float32", **more) -> Measured:
-    return Measured(Setting("xpbd", "bdf2", max(1, round(ms)), 4, precision), ms, largest, largest, **more)
+def row(ms, largest, precision="float32", **more) -> MeasuredSetting:
+    return MeasuredSetting(Setting("xpbd", "bdf2", max(1, round(ms)), 4, precision), ms, largest, largest, **more)
 
 
 def report(rows, error=0.0, **more) -> Report:
@@ -54,16 +54,16 @@ def hung(t: np.ndarray) -> np.ndarray:
 
 def test_the_front_is_what_nothing_beats_in_both():
     rows = [row(1, 0.1), row(2, 0.05), row(3, 0.07), row(4, 0.01), row(4, 0.02), row(9, 0.01)]
-    assert front.front(rows) == [rows[0], rows[1], rows[3]]
+    assert front.pareto_front(rows) == [rows[0], rows[1], rows[3]]
 
 
 def test_a_row_that_gave_way_or_failed_is_on_no_front():
-    assert front.front([row(1, 0.1, held=False), row(2, inf), row(3, 0.2)])[0].ms == 3
+    assert front.pareto_front([row(1, 0.1, held=False), row(2, inf), row(3, 0.2)])[0].ms == 3
 
 
 def test_errors_below_the_reference_s_own_are_equal():
     rows = [row(1, 0.1), row(2, 2e-3), row(3, 1e-3)]
-    assert front.front(rows, doubt=5e-3) == rows[:2]
+    assert front.pareto_front(rows, doubt=5e-3) == rows[:2]
 
 
 def test_the_fastest_within_an_error_bears_the_reference_s_doubt():
@@ -92,8 +92,8 @@ def test_nothing_is_recommended_where_errors_are_refused():
 
 def test_a_frame_that_takes_no_tick_of_the_clock_ends_a_series_in_words():
     """It divided by 0."""
-    there = reference.Reference(None, 0.0, np.nan, np.ones(1), 0.0)
-    made = sweep.Sweep(Scene(), None, there, None, print, rows=[row(0.0, 0.01)])
+    there = reference.ReferenceSolution(None, 0.0, np.nan, np.ones(1), 0.0)
+    made = sweep.BenchSweep(Scene(), None, there, None, print, rows=[row(0.0, 0.01)])
     assert not made.goes_on(row(1.0, 0.02)) and "10000 times faster" in made.left_out[0]["why"]
 
 
@@ -115,11 +115,11 @@ def test_richardson_believes_the_slower_fall():
 @pytest.mark.parametrize("differences", [[1.0, 1.0], [1.0, 0.9], [1.0, 2.0]])
 def test_differences_that_do_not_shrink_leave_the_error_unknown(differences):
     assert reference.richardson(differences, 2) == inf
-    assert "does not converge" in reference.refused(np.ones(2), inf)
+    assert "does not converge" in reference.reason_errors_are_refused(np.ones(2), inf)
 
 
 def test_growth_beyond_the_limit_refuses_and_says_how_many_frames_are_calm():
-    why = reference.refused(np.array([1.0, 5e3]), 1e-5)
+    why = reference.reason_errors_are_refused(np.array([1.0, 5e3]), 1e-5)
     made = replace(report([row(1, None)]), refused=why, growth=[1.0, 5e3])
     assert "grows 5e+03 times" in why and "--frames 1 compares" in made.text()
 
@@ -135,19 +135,19 @@ def test_the_first_substeps_last_about_a_hundredth():
 
 
 def test_colliders_tethers_and_limits_are_not_smooth(scene):
-    assert smooth(scene)
-    assert not smooth(replace(scene, cloths=[replace(scene.cloths[0], tethers=True)]))
-    assert not smooth(replace(scene, cloths=[replace(scene.cloths[0], material=Fabric(strain_limit=0.1))]))
+    assert scene_is_smooth(scene)
+    assert not scene_is_smooth(replace(scene, cloths=[replace(scene.cloths[0], tethers=True)]))
+    assert not scene_is_smooth(replace(scene, cloths=[replace(scene.cloths[0], material=Fabric(strain_limit=0.1))]))
     scene.collider("/ball", Surface(*grid()))
-    assert not smooth(scene)
+    assert not scene_is_smooth(scene)
 
 
 def test_at_most_half_a_second_is_looked_at():
-    assert [looked_at(Scene(fps=24.0, frames=n)) for n in (0, 3, 96)] == [1, 3, 12]
+    assert [default_bench_frames(Scene(fps=24.0, frames=n)) for n in (0, 3, 96)] == [1, 3, 12]
 
 
 def test_samples_are_even_and_end_with_the_last_frame():
-    assert Sighting("cpu", 3).sampled == [1, 2, 3] and Sighting("cpu", 24).sampled == list(range(2, 25, 2))
+    assert SampledFrames("cpu", 3).sampled == [1, 2, 3] and SampledFrames("cpu", 24).sampled == list(range(2, 25, 2))
 
 
 def test_a_budget_counts_from_its_start():
@@ -160,7 +160,7 @@ def test_a_budget_counts_from_its_start():
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """The cache in a folder of this test."""
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "kept")
+    monkeypatch.setattr(cache, "report_cache_folder", lambda: tmp_path / "kept")
     return tmp_path / "kept"
 
 
@@ -169,7 +169,7 @@ def kept(tmp_path, monkeypatch):
 @pytest.fixture
 def few(monkeypatch):
     """Two series and nothing in float64: seconds instead of minutes."""
-    monkeypatch.setattr(sweep, "series", lambda scene, quick: iter([Setting("xpbd", "backward_euler", 8, 4)]))
+    monkeypatch.setattr(sweep, "first_setting_of_series", lambda scene, quick: iter([Setting("xpbd", "backward_euler", 8, 4)]))
     monkeypatch.setattr(sweep, "DOUBLES", 0)
     monkeypatch.setattr(sweep, "ENOUGH", 4e-3)
 
@@ -186,10 +186,10 @@ def test_backward_euler_falls_as_much_too_far_as_it_must(few):
 
 
 def test_the_reference_is_as_near_to_a_swinging_mass_as_it_says(few):
-    look, scene = Sighting("cpu", 8), spring_scene()
-    made = reference.make(scene, look, Budget(600.0), lambda text: None)
+    look, scene = SampledFrames("cpu", 8), spring_scene()
+    made = reference.make_reference_solution(scene, look, Budget(600.0), lambda text: None)
     exact = hung(np.arange(1, 9) / 32.0)
-    error = np.abs(made.track.places[:, 1, 1] - exact).max() / 2.0**0.5 / size(scene)           # RMS: one of two points
+    error = np.abs(made.track.places[:, 1, 1] - exact).max() / 2.0**0.5 / largest_body_extent(scene)  # RMS: one of two points
     assert error <= 1.5 * made.error <= 1.5e-4 and made.growth.max() < 2.0
 
 
@@ -197,10 +197,10 @@ def test_the_error_of_a_row_is_that_against_the_closed_form(few):
     scene = spring_scene()
     found = bench(scene, device="cpu", budget=600.0)
     r = next(r for r in found.rows if r.setting.solver == "xpbd")
-    track = run(scene, r.setting, Sighting("cpu", 8))
+    track = run_with_setting(scene, r.setting, SampledFrames("cpu", 8))
     exact = np.zeros((8, 2, 3))
     exact[:, 1, 1] = hung(np.arange(1, 9) / 32.0)
-    wanted = distance(track.places, exact) / size(scene)
+    wanted = rms_point_distance(track.places, exact) / largest_body_extent(scene)
     assert r.largest == pytest.approx(wanted.max(), abs=2.0 * found.reference["error"] + 1e-6)
     assert r.end == pytest.approx(wanted[-1], abs=2.0 * found.reference["error"] + 1e-6)
 
@@ -228,7 +228,7 @@ def test_a_frame_on_a_cpu_is_timed_by_what_it_takes_of_it(monkeypatch):
     """A frame that waits for 20 ms, as for others on the machine, takes none of them; `seconds`, for the budget, has them."""
     replay = Simulation._replay
     monkeypatch.setattr(Simulation, "_replay", lambda sim: (time.sleep(0.02), replay(sim))[1])
-    found = run(spring_scene(), Setting("xpbd", "backward_euler", 8, 4), Sighting("cpu", 4))
+    found = run_with_setting(spring_scene(), Setting("xpbd", "backward_euler", 8, 4), SampledFrames("cpu", 4))
     assert found.ms < 1e3 * found.seconds / 4 - 15.0
     assert "times of frames are CPU seconds of all threads" in report([row(1, 0.1)]).text()
 
@@ -271,7 +271,7 @@ def test_an_error_that_is_none_is_wrong_usage(stage, tmp_path, arguments, capsys
 
 @pytest.mark.parametrize(("text", "value"), [("1%", 0.01), ("0.1 %", 0.001), ("0.01", 0.01), ("100%", 1.0)])
 def test_errors_are_read_as_percent_or_as_fractions(text, value):
-    assert cli.fraction(text) == pytest.approx(value)
+    assert cli.parse_error_fraction(text) == pytest.approx(value)
 
 
 @pytest.mark.parametrize("arguments", [("--plot", "a.txt"), ("--plot", "no/folder/a.png"), ("--json", "a.usda"),
@@ -301,7 +301,7 @@ def test_a_bench_prints_writes_and_is_kept_for_run(few, kept, stage, tmp_path, c
 
 def test_run_benches_where_nothing_is_known_and_says_so(kept, stage, monkeypatch, capsys):
     monkeypatch.setattr(command, "bench", lambda scene, **more: report([row(1, 1e-4)]))
-    scene, setting = command.recommended(spring_scene(), 0.01, "cpu", lambda text: None)
+    scene, setting = command.recommended_scene(spring_scene(), 0.01, "cpu", lambda text: None)
     assert "it runs first" in capsys.readouterr().err
     assert (scene.integrator, scene.substeps, setting.precision) == ("bdf2", 1, "float32")
 
@@ -311,15 +311,15 @@ def test_run_benches_where_nothing_is_known_and_says_so(kept, stage, monkeypatch
 def test_run_fails_with_the_mend_where_no_setting_is_known(kept, made, words, monkeypatch):
     monkeypatch.setattr(command, "bench", lambda scene, **more: made)
     with pytest.raises(SceneError, match=words):
-        command.recommended(spring_scene(), 0.01, "cpu", lambda text: None)
+        command.recommended_scene(spring_scene(), 0.01, "cpu", lambda text: None)
 
 
 @pytest.mark.parametrize("ending", ["png", "svg"])
 def test_a_plot_is_written_whole(tmp_path, ending):
     pytest.importorskip("matplotlib")
-    from wsim.bench.plot import plot
+    from wsim.bench.plot import plot_bench_report
 
     rows = [row(k, 0.1 / k**2, own=k == 1, held=k < 3) for k in range(1, 5)] + [row(3, 0.0), row(4, 1e-3, "float64")]
-    plot(report(rows, error=1e-2), str(tmp_path / f"a.{ending}"))
+    plot_bench_report(report(rows, error=1e-2), str(tmp_path / f"a.{ending}"))
     assert os.listdir(tmp_path) == [f"a.{ending}"]
     assert (tmp_path / f"a.{ending}").read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")

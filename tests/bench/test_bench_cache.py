@@ -20,7 +20,7 @@ from wsim.scene.solid import Bulk
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """The cache in a folder of this test."""
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "kept")
+    monkeypatch.setattr(cache, "report_cache_folder", lambda: tmp_path / "kept")
     return tmp_path / "kept"
 
 
@@ -43,7 +43,7 @@ def full() -> Scene:
 
 
 def name(scene) -> str:
-    return cache.key(scene, "cpu", {"wsim": "1", "warp": "2"})
+    return cache.report_cache_key(scene, "cpu", {"wsim": "1", "warp": "2"})
 
 
 def other(value):
@@ -130,20 +130,20 @@ def test_the_key_does_not_change_with_names_notes_and_later_frames():
 
 
 def test_the_key_changes_with_hardware_and_versions():
-    keys = {cache.key(full(), device, {"wsim": w}) for device in ("a", "b") for w in ("1", "2")}
+    keys = {cache.report_cache_key(full(), device, {"wsim": w}) for device in ("a", "b") for w in ("1", "2")}
     assert len(keys) == 4
 
 
 @pytest.mark.parametrize("error", [1e-3, inf])
 def test_a_report_reads_back_as_it_was_written(kept, error):
     made = report([row(1, 0.1), row(2, None, drift=-0.1, note="x", own=True)], error=error, refused="why")
-    cache.write("a", made)
-    back, strange = cache.read("a")
+    cache.cache_report("a", made)
+    back, strange = cache.read_cached_report("a")
     assert back == made and not strange
 
 
 def test_there_is_no_report_and_no_warning_where_there_is_no_file(kept):
-    assert cache.read("a") == (None, "")
+    assert cache.read_cached_report("a") == (None, "")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"format": 1}', '{"format": 1, "key": "b", "report": {}}',
@@ -151,19 +151,19 @@ def test_there_is_no_report_and_no_warning_where_there_is_no_file(kept):
 def test_a_foreign_file_is_ignored_with_a_warning(kept, text):
     kept.mkdir()
     (kept / "a.json").write_text(text, encoding="utf-8")
-    found, strange = cache.read("a")
+    found, strange = cache.read_cached_report("a")
     assert found is None and "is ignored" in strange
 
 
 def test_a_write_that_fails_leaves_the_earlier_file_whole(kept, monkeypatch):
-    place = cache.write("a", report([row(1, 0.1)]))
+    place = cache.cache_report("a", report([row(1, 0.1)]))
     before = place.read_text()
 
     def full_disk(*paths):
         raise OSError(28, "No space left on device")
     monkeypatch.setattr(os, "replace", full_disk)
     with pytest.raises(OSError):
-        cache.write("a", report([row(2, 0.2)]))
+        cache.cache_report("a", report([row(2, 0.2)]))
     assert place.read_text() == before and os.listdir(kept) == ["a.json"]
 
 
@@ -171,4 +171,4 @@ def test_a_write_that_fails_leaves_the_earlier_file_whole(kept, monkeypatch):
 def test_the_cache_is_where_the_system_keeps_such(platform, variable, monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "platform", platform)
     monkeypatch.setenv(variable, str(tmp_path))
-    assert cache.folder() == tmp_path / "wsim" / "bench"
+    assert cache.report_cache_folder() == tmp_path / "wsim" / "bench"

@@ -6,8 +6,8 @@ import pytest
 from wsim import Bulk, Plane, Scene
 from wsim.bench import bench, reference, sweep
 from wsim.bench.budget import Budget
-from wsim.bench.setting import Setting, series
-from wsim.bench.track import Sighting, distance, size
+from wsim.bench.setting import Setting, first_setting_of_series
+from wsim.bench.track import SampledFrames, largest_body_extent, rms_point_distance
 from wsim.scene import shapes
 
 E, NU, RHO = 1e4, 0.3, 1e3
@@ -24,17 +24,17 @@ def bar(**more) -> Scene:
 
 @pytest.mark.parametrize("quick", [False, True])
 def test_xpbd_is_not_tried(quick):
-    tried = [(s.solver, s.integrator) for s in series(bar(), quick)]
+    tried = [(s.solver, s.integrator) for s in first_setting_of_series(bar(), quick)]
     assert tried[:2] == [("explicit", "auto"), ("implicit", "backward_euler")]
     assert ("implicit", "implicit_midpoint") in tried and not any(solver == "xpbd" for solver, _ in tried)
-    assert all(s.solver != "xpbd" for s, _ in reference.candidates(bar(), 10))
+    assert all(s.solver != "xpbd" for s, _ in reference.reference_methods(bar(), 10))
 
 
 def test_the_midpoint_is_not_tried_where_something_is_hit():
     scene = bar()
     scene.collider("/ground", Plane("Z"))
-    assert all(s.integrator != "implicit_midpoint" for s in series(scene))
-    assert [(s.solver, order) for s, order in reference.candidates(scene, 10)] == [("explicit", 1), ("implicit", 1)]
+    assert all(s.integrator != "implicit_midpoint" for s in first_setting_of_series(scene))
+    assert [(s.solver, order) for s, order in reference.reference_methods(scene, 10)] == [("explicit", 1), ("implicit", 1)]
 
 
 @pytest.mark.parametrize("unsure, integrator", [(2.0, "rk4"), (0.0, "bdf2")])
@@ -45,10 +45,10 @@ def test_the_reference_is_as_near_to_an_independent_one_as_it_says(unsure, integ
     monkeypatch.setattr(reference, "UNSURE", unsure)
     scene = bar()
     soft = scene.softs[0]
-    made = reference.make(scene, Sighting("cpu", 4), Budget(600.0), lambda text: None)
+    made = reference.make_reference_solution(scene, SampledFrames("cpu", 4), Budget(600.0), lambda text: None)
     solid = Solid(soft.points.astype(np.float64), soft.tets, scene.pins[0].points, E, NU, RHO)
     wanted, _ = exact(solid, (0.125,), 1e-8, frame=1.0 / 32.0)
-    error = distance(made.track.places[-1:], wanted)[0] / size(scene)
+    error = rms_point_distance(made.track.places[-1:], wanted)[0] / largest_body_extent(scene)
     assert made.track.setting.integrator == integrator and not made.refused
     assert error <= 1.5 * made.error + 1e-7 and made.error <= reference.TARGET
 
@@ -56,7 +56,7 @@ def test_the_reference_is_as_near_to_an_independent_one_as_it_says(unsure, integ
 @pytest.fixture
 def few(monkeypatch):
     """One series and nothing in float64: seconds instead of minutes."""
-    monkeypatch.setattr(sweep, "series", lambda scene, quick: iter([Setting("implicit", "bdf2", 1, 2)]))
+    monkeypatch.setattr(sweep, "first_setting_of_series", lambda scene, quick: iter([Setting("implicit", "bdf2", 1, 2)]))
     monkeypatch.setattr(sweep, "DOUBLES", 0)
     monkeypatch.setattr(sweep, "ENOUGH", 2e-3)
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from wsim import cli
-from wsim.cli.run import whole
+from wsim.cli.run import delay_interrupts
 from wsim.simulation import report
 from wsim.usd import load, save
 
@@ -135,12 +135,12 @@ def test_what_is_no_usd_is_one_message(tmp_path, out, capsys):
     (ZeroDivisionError("division by zero"), "unexpected ZeroDivisionError: division by zero; please report"),
 ])
 def test_every_failure_has_its_line(error, words):
-    text = cli.explain(error)
+    text = cli.explain_error(error)
     assert words in text and text.startswith("error: ") and "\n" not in text
 
 
 def test_a_traceback_comes_only_with_debug(stage, out, monkeypatch, capsys):
-    monkeypatch.setattr("wsim.cli.commands._load", lambda args: 1 / 0)
+    monkeypatch.setattr("wsim.cli.commands._load_scene_of_command", lambda args: 1 / 0)
     assert run(stage, out) == 1
     assert "Traceback" not in capsys.readouterr().err
     assert run(stage, out, "--debug") == 1
@@ -286,7 +286,7 @@ def test_ctrl_c_from_outside_ends_a_run_with_130(stage, out, heard):
 def test_an_ignored_ctrl_c_stays_ignored():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with whole():
+        with delay_interrupts():
             assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
@@ -294,7 +294,7 @@ def test_an_ignored_ctrl_c_stays_ignored():
 
 def test_ctrl_c_waits_for_what_is_being_written(heard):
     done = []
-    with pytest.raises(KeyboardInterrupt), whole():
+    with pytest.raises(KeyboardInterrupt), delay_interrupts():
         os.kill(os.getpid(), signal.SIGINT)
         done.append("written")
     assert done == ["written"]
@@ -332,7 +332,7 @@ def test_run_draws_a_picture(stage, out, tmp_path):
 # how a run bends time
 
 def test_the_report_of_a_scene_without_constraints_is_whole():
-    assert "2 frames of 3 points and 0 constraints" in report.text(
+    assert "2 frames of 3 points and 0 constraints" in report.report_text(
         {"device": "cpu", "precision": "float32", "frames": 2, "points": 3, "constraints": 0, "ms_per_frame": 1.0})
 
 
@@ -377,7 +377,8 @@ def test_a_picture_is_one_of_still_sheet_and_animation(stage, tmp_path, capsys):
 
 
 def test_view_takes_its_output_as_the_other_commands_do():
-    arguments = [cli.parser().parse_args(["view", "a.usdc", option, "b.rrd"]) for option in ("-o", "--output", "--save")]
+    arguments = [cli.build_argument_parser().parse_args(["view", "a.usdc", option, "b.rrd"])
+                 for option in ("-o", "--output", "--save")]
     assert [a.save for a in arguments] == ["b.rrd"] * 3
 
 

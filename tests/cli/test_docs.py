@@ -11,14 +11,14 @@ import pytest
 
 from tools.lint import ROOT
 from wsim import cli
-from wsim.cli.docs import pages
+from wsim.cli.docs import documentation_pages
 from wsim.kernels.soft import material
 from wsim.physics.cloth import kind
 from wsim.scene import integrator, methods, solid, solids
 
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 FILE = re.compile(r"# ([\w/]+\.py)\n")             # the first line of a snippet that is to be saved
-PAGES = pages()
+PAGES = documentation_pages()
 READMES = [path for folder in ("wsim", "kernels") for path in sorted((ROOT / folder).rglob("README.md"))
            if path.resolve() == path]                                     # of folders, for who changes the code; not of links
 LISTS = [ROOT / "scenes/README.md", ROOT / "scenes/examples/README.md", ROOT / "tools/README.md",

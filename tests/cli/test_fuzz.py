@@ -9,9 +9,9 @@ from tests.cli.test_check import stage
 from tests.cli.test_faults import VALID
 from wsim import load
 from wsim.scene import SceneError
-from wsim.scene.check.scene import check
-from wsim.usd.result.kinds.places import refused
-from wsim.usd.settings import without_rate
+from wsim.scene.check.scene import check_scene
+from wsim.usd.result.kinds.places import unwritable_prims
+from wsim.usd.settings import warn_missing_frame_rate
 
 NUMBERS = [float("nan"), float("inf"), -float("inf"), 1e300, -1e300, 1e38, -1.0, 0.0, 1e-300, 1e16]
 T = Sdf.ValueTypeNames
@@ -83,7 +83,7 @@ def test_a_wrong_value_is_refused_in_lines_or_taken(tmp_path, seed):
         what = spoil(file, rng)
         try:
             scene = load(file)
-            found = [*check(scene), *refused(Usd.Stage.Open(file), scene), *without_rate(file)]
+            found = [*check_scene(scene), *unwritable_prims(Usd.Stage.Open(file), scene), *warn_missing_frame_rate(file)]
         except SceneError as error:
             found = error.problems
         except Exception as error:

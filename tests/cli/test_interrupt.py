@@ -49,7 +49,7 @@ def test_a_ctrl_c_that_became_something_else_is_still_one(came, heard, monkeypat
     monkeypatch.setattr(commands, "check", check)
     assert cli.main(["check", "x.usda"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
-    interrupt.check()                                          # it is over
+    interrupt.raise_if_interrupted()                           # it is over
 
 
 def test_a_ctrl_c_while_usd_is_imported_ends_the_command_with_one_line():
@@ -66,12 +66,12 @@ def test_a_ctrl_c_while_usd_is_imported_ends_the_command_with_one_line():
 LASTS = """
 import hashlib, sys
 from wsim.simulation import interrupt
-interrupt.start("leave")
-interrupt.begin("wait", "out.partial.usdc holds the frames saved so far")
+interrupt.start_watching_interrupts("leave")
+interrupt.set_interrupt_mode("wait", "out.partial.usdc holds the frames saved so far")
 print("ready", flush=True)
 hashlib.pbkdf2_hmac("sha256", b"a", b"b", {rounds})          # a call of C that lasts, as a graph of many substeps does
 try:
-    interrupt.check()
+    interrupt.raise_if_interrupted()
 except KeyboardInterrupt:
     print("behind the frame", flush=True)
     sys.exit(130)
@@ -101,7 +101,7 @@ def test_ctrl_c_within_a_call_of_c(presses, heard):  # noqa: F811
 def test_presses_that_are_heard_when_a_run_is_over_end_nothing():
     """They wait in a pipe: two of them started a timer that ended the process."""
     for _ in range(20):
-        listener = interrupt._Listener()
+        listener = interrupt._SignalListener()
         listener.begin()
         os.write(listener.ends[1], bytes([signal.SIGINT, signal.SIGINT]))
         listener.end()

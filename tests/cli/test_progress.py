@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsim.cli.progress import WIDTH, Progress, line
+from wsim.cli.progress import WIDTH, Progress, progress_line
 from wsim.simulation import report
-from wsim.simulation.duration import duration, expected, long_run
+from wsim.simulation.duration import expected_time_and_error, format_duration, long_run
 from wsim.usd.result.as_json import as_json
 
 
@@ -88,7 +88,7 @@ def test_a_line_is_redrawn_at_most_twenty_times_a_second_and_at_the_end():
 
 def test_the_line_is_cleared_when_something_fails():
     terminal = Terminal()
-    with pytest.raises(ValueError), line(3, terminal) as progress:
+    with pytest.raises(ValueError), progress_line(3, terminal) as progress:
         progress.frame(1)
         raise ValueError
     assert terminal.last() == ""
@@ -96,7 +96,7 @@ def test_the_line_is_cleared_when_something_fails():
 
 @pytest.mark.parametrize(("seconds", "text"), [(4.25, "4.2 s"), (65.0, "1:05"), (59.99, "60.0 s"), (7384.0, "2:03:04")])
 def test_durations(seconds, text):
-    assert duration(seconds) == text
+    assert format_duration(seconds) == text
 
 
 @pytest.mark.parametrize("seconds, samples, slow", [(9.0, 1, False), (11.0, 1, True), (4.0, 3, True)])
@@ -105,8 +105,10 @@ def test_a_run_that_takes_longer_than_ten_seconds_a_frame_is_said(seconds, sampl
     warnings = long_run(plan, 10, samples)
     assert bool(warnings) == slow
     each = seconds * samples
-    assert expected(plan, 10, samples).startswith(f"about {each:.1f} s a frame, {duration(10 * each)} for 10")
-    assert expected(plan, 10, samples).endswith("; expected error 1.2 % of the size, more where small folds grow")
+    assert expected_time_and_error(plan, 10,
+                                   samples).startswith(f"about {each:.1f} s a frame, {format_duration(10 * each)} for 10")
+    assert expected_time_and_error(plan, 10,
+                                   samples).endswith("; expected error 1.2 % of the size, more where small folds grow")
     if slow:
         assert f"a frame takes about {seconds * samples:.1f} s, and 10 of them" in warnings[0] and "--substeps" in warnings[0]
 
@@ -129,12 +131,12 @@ REPORT = {
     "max strain 1.23 %", "penetration 1e-05 m", "residual 0.2",
     "left out  contact: there is no collider", "warning: /cloth: odd"])
 def test_the_report_says(words):
-    assert words in report.text(REPORT, verbose=True)
+    assert words in report.report_text(REPORT, verbose=True)
 
 
 def test_a_report_tells_errors_apart_from_energies_and_what_the_scene_lacks_when_asked():
     energies = {"kinetic_energy": 1.5, "gravity_energy": -2.0, "energy": -0.5, "contacts": 3, "too_near": 0}
-    told = report.text({**REPORT, "error": {**REPORT["error"], **energies}}).splitlines()
+    told = report.report_text({**REPORT, "error": {**REPORT["error"], **energies}}).splitlines()
     (error,) = (line for line in told if line.startswith("error"))
     (energy,) = (line for line in told if line.startswith("energy"))
     assert error == "error     penetration 1e-05 m, residual 0.2" and "figures   max strain 1.23 %" in told
@@ -148,13 +150,13 @@ def test_a_report_tells_errors_apart_from_energies_and_what_the_scene_lacks_when
 def test_a_report_speaks_of_steps_of_what_there_is(what, said, line):
     """Fluids have steps of their own, rigid bodies one integrator."""
     found = {"fluid_speed": 2.5, "fluid_iterations": 4.0, "fluid_smoke": 0.5} if not said else {}
-    told = report.text({**REPORT, "iterations": 1, "error": found, **what})
+    told = report.report_text({**REPORT, "iterations": 1, "error": found, **what})
     assert ("substeps" in told) == said and f"{line}\n" in told
 
 
 def test_a_report_with_less_is_shorter_but_whole():
     few = {"device": "cpu", "precision": "float64", "frames": 1, "ms_per_frame": 2.0}
-    assert report.text(few).splitlines()[1] == "time      2 ms/frame"
+    assert report.report_text(few).splitlines()[1] == "time      2 ms/frame"
 
 
 def test_json_holds_numbers_and_null_for_what_is_not_finite():

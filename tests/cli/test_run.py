@@ -10,7 +10,7 @@ from pxr import Sdf
 import wsim
 from tests.cli.test_cli import run, samples
 from wsim import cli
-from wsim.cli.run import finer, later
+from wsim.cli.run import delay_scene_curves, subdivide_frames
 from wsim.scene import Scene, Surface
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation import duration
@@ -25,7 +25,7 @@ def test_later_moves_every_curve():
     poses = Curve([0.0, 1.0], np.arange(18.0).reshape(2, 3, 3))
     scene.collider("/a", Surface(np.zeros((3, 3)), [3], [0, 1, 2], poses=poses), motion=motion)
     scene.pin("/p", "/cloth", [0], motion=motion)
-    moved = later(scene, 0.5)
+    moved = delay_scene_curves(scene, 0.5)
     for t in (0.0, 0.3, 1.0):
         assert np.allclose(moved.colliders[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
         assert np.allclose(moved.colliders[0].shape.poses.at(t + 0.5), poses.at(t), atol=1e-14)
@@ -35,7 +35,7 @@ def test_later_moves_every_curve():
 
 @pytest.mark.parametrize(("substeps", "count", "each"), [(10, 2, 5), (10, 3, 4), (2, 4, 1)])
 def test_finer_keeps_the_substep_or_makes_it_shorter(substeps, count, each):
-    scene = finer(Scene(substeps=substeps, fps=24.0, frames=10), count)
+    scene = subdivide_frames(Scene(substeps=substeps, fps=24.0, frames=10), count)
     assert (scene.substeps, scene.fps, scene.frames) == (each, 24.0 * count, 10 * count)
 
 

@@ -6,9 +6,9 @@ import pytest
 from tests.fitting.test_fit import CPU
 from tools.bench.fitting.cases import chain, net, plain, poisson, soft
 from wsim.fitting import Settings, Track, fit
-from wsim.fitting.least_squares.normal_equations import Sums
-from wsim.fitting.observations.residuals import Misfit, ResidualBlock, Steps
-from wsim.fitting.parameter import parameters
+from wsim.fitting.least_squares.normal_equations import NormalEquations
+from wsim.fitting.observations.residuals import DifferenceSteps, Misfit, ResidualBlock
+from wsim.fitting.parameter import parameters_of_names
 
 
 def look(case, noise: float, sigma: float | None = None, frames=slice(None), x=None) -> list[Track]:
@@ -56,7 +56,7 @@ def test_no_noise_is_claimed_below_what_solvers_and_rounding_leave():
     found = again(case, "young,poisson", look(case, 0.0))
     assert found.sigma == pytest.approx(1e-7 * 0.6) and found.origin == "floor" and "as low as a fit claims" in found.text()
     far = [Track(case.path, case.frames, (case.x + 90.0).astype(np.float32).astype(np.float64), case.points)]
-    misfit = Misfit([(case.scene, far)], parameters("young", [case.scene])[0], device="cpu")
+    misfit = Misfit([(case.scene, far)], parameters_of_names("young", [case.scene])[0], device="cpu")
     assert misfit.floor == pytest.approx(2.0**-17 / np.sqrt(12.0))             # float32 between 64 and 128
     known = again(case, "young,poisson", look(case, 1e-8, 1e-8))               # noise that was given is not believed below it
     assert known.sigma == pytest.approx(1e-7 * 0.6)
@@ -116,16 +116,16 @@ def test_chance_in_differences_is_no_answer():
     step of 1e-3; a direction that does answer, and is a thousand times weaker than the first, is kept."""
     rng, t = np.random.default_rng(0), np.linspace(0.0, 1.0, 400)
 
-    def sums(steps: Steps, weak: float) -> Sums:
+    def sums(steps: DifferenceSteps, weak: float) -> NormalEquations:
         def f(theta):
             return np.sin(3.0 * t + theta[0]) + weak * t**2 * np.exp(theta[1]) + 1e-8 * rng.normal(size=t.shape)
         r, along = f(np.zeros(2)), [b * h for b, h in zip(steps.B.T, steps.h, strict=True)]
         ahead, behind = (np.array([f(s * a) for a in along]).T - r[:, None] for s in (1.0, -1.0))
-        found = Sums.at(np.zeros(2), steps, central=True)
+        found = NormalEquations.at(np.zeros(2), steps, central=True)
         found.add(ResidualBlock(1.0, 1, r, ((ahead - behind) / (2.0 * steps.h)) @ steps.B.T, (ahead + behind) / steps.h**2))
         return found
     for weak, seen in ((0.0, False), (1e-3, True), (1e-5, True)):
-        first = sums(Steps.axes(2, 1e-3), weak)
+        first = sums(DifferenceSteps.axes(2, 1e-3), weak)
         second = sums(first.next_steps(1e-3, 0.0, 1e-12), weak)
         assert second.spectrum().kept.tolist() == [True, seen]
         if seen:

@@ -11,7 +11,7 @@ from tests.fitting.test_fit import bar, motion
 from tests.make.usda import BIND, Reader, cloth, fabric
 from wsim import cli
 from wsim.fitting import Settings, Track
-from wsim.fitting.parameter import parameters
+from wsim.fitting.parameter import parameters_of_names
 from wsim.scene import Scene, SceneError, shapes
 from wsim.scene.fabric import Fabric
 from wsim.usd.result.fitted import save_fitted
@@ -75,7 +75,7 @@ def test_a_layer_keeps_what_a_file_derives_from_its_old_ratio(tmp_path):
     scene = Reader(tmp_path)(cloth(f'{BIND}\nuniform token wsim:model = "membrane"') + fabric(
         "float physics:youngsModulus = 2e5\nfloat physics:poissonsRatio = 0.25\nfloat physics:density = 300"))
     assert scene.cloths[0].model == "membrane"
-    found, _ = parameters("poisson", [scene])
+    found, _ = parameters_of_names("poisson", [scene])
     out = tmp_path / "fitted.usda"
     save_fitted(scene, found[0].written(scene, -0.2), out)
     after, before = wsim.load(str(out)).cloths[0].material, scene.cloths[0].material
@@ -86,13 +86,13 @@ def test_who_has_them():
     """Membranes, and cloths whose limit is finite; a soft body beside them keeps its own range."""
     both = stretched()
     both.softs = bar().softs
-    (p,), _ = parameters("poisson", [both])
+    (p,), _ = parameters_of_names("poisson", [both])
     assert [thing.path for _, thing in p.rows(both)] == ["/sheet", "/bar"] and p.map.low == -1.0
     springs = stretched(model="springs")
     springs.softs = both.softs
-    (p,), _ = parameters("poisson", [springs])
+    (p,), _ = parameters_of_names("poisson", [springs])
     assert [thing.path for _, thing in p.rows(springs)] == ["/bar"] and p.map.low == 0.0
-    (p,), scenes = parameters("poisson", [stretched()], {"poisson": -0.4})
+    (p,), scenes = parameters_of_names("poisson", [stretched()], {"poisson": -0.4})
     assert p.value(scenes[0]) == -0.4
     for scene, asked, start, words in [
             (stretched(model="springs"), "poisson", {}, "nothing here has poisson.*of a cloth it acts in the model 'membrane'"),
@@ -101,4 +101,4 @@ def test_who_has_them():
             (stretched(), "poisson", {"poisson": 0.6}, "start is 0.6; allowed is between -1 and 0.5"),
             (stretched(), "strain_limit", {"strain_limit": -0.1}, "start is -0.1; allowed is a number > 0")]:
         with pytest.raises(SceneError, match=words):
-            parameters(asked, [scene], start)
+            parameters_of_names(asked, [scene], start)

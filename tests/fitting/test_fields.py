@@ -8,11 +8,11 @@ import pytest
 import wsim
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation
 from wsim.fitting import Settings, Track
-from wsim.fitting.fields.field import fields
-from wsim.fitting.fields.lbfgs import Descent, Place
-from wsim.fitting.fields.misfit import Adjoint
-from wsim.fitting.fields.preconditioner import Metric, laplacian, solved
-from wsim.fitting.fields.prior import Belief, faces, neighbours
+from wsim.fitting.fields.field import fields_of_names
+from wsim.fitting.fields.lbfgs import FitPoint, LbfgsDescent
+from wsim.fitting.fields.misfit import AdjointMisfit
+from wsim.fitting.fields.preconditioner import SketchedHessian, graph_laplacian, solve_laplacian_columns
+from wsim.fitting.fields.prior import NeighbourBelief, elements_sharing_points, tets_sharing_faces
 from wsim.scene import shapes
 
 CPU = Settings(device="cpu")
@@ -78,9 +78,9 @@ def test_the_gradient_of_the_misfit_is_that_of_differences(scene, name):
     last = scene.frames
     tracks = seen(scene, [last - 1, last])
     rng = np.random.default_rng(3)
-    misfit = Adjoint([(scene, tracks)], fields([name], [scene]), "cpu")
+    misfit = AdjointMisfit([(scene, tracks)], fields_of_names([name], [scene]), "cpu")
     start = misfit.theta(misfit.start)
-    misfit.believe(misfit.start)
+    misfit.set_beliefs(misfit.start)
     theta, way = start + 0.1 * rng.normal(size=start.shape), rng.normal(size=start.shape)
     _, slope = misfit.look(theta)
     h = 1e-3
@@ -208,7 +208,7 @@ def test_l_bfgs_finds_the_bottom_of_a_bent_valley():
         g[1:] += 200.0 * a
         return np.array([(100.0 * a**2 + b**2).sum()]), g[None]
     x = np.tile([-1.2, 1.0], 10)
-    descent = Descent(look, Place(x, *look(x)), np.ones(1), radius=1.0)
+    descent = LbfgsDescent(look, FitPoint(x, *look(x)), np.ones(1), radius=1.0)
     steps = 0
     while np.linalg.norm(descent.gradient) > 1e-9 and descent.step():
         steps += 1
@@ -218,14 +218,14 @@ def test_l_bfgs_finds_the_bottom_of_a_bent_valley():
 def test_a_quadratic_is_solved_at_once_from_its_own_hessian():
     """Beliefs about a chain, and what is seen of 3 sums: the metric is the Hessian."""
     rng = np.random.default_rng(0)
-    belief = Belief(np.stack([np.arange(29), np.arange(1, 30)], axis=1), mean=np.zeros((30, 1)))
+    belief = NeighbourBelief(np.stack([np.arange(29), np.arange(1, 30)], axis=1), mean=np.zeros((30, 1)))
     J, y = rng.normal(size=(3, 30)), rng.normal(size=3)
 
     def look(x):
         own, by = belief.look(x[:, None])
         return np.array([0.5 * ((J @ x - y)**2).sum(), own]), np.stack([J.T @ (J @ x - y), by[:, 0]])
-    descent = Descent(look, Place(np.zeros(30), *look(np.zeros(30))), np.array([400.0, 1.0]))
-    metric = Metric([belief], [np.zeros((30, 1))], J.T)
+    descent = LbfgsDescent(look, FitPoint(np.zeros(30), *look(np.zeros(30))), np.array([400.0, 1.0]))
+    metric = SketchedHessian([belief], [np.zeros((30, 1))], J.T)
     descent.inverse = lambda q, weights: metric(q, weights[0])
     assert descent.step() and np.linalg.norm(descent.gradient) < 1e-2 and descent.expected() < 1e-6
 
@@ -233,20 +233,22 @@ def test_a_quadratic_is_solved_at_once_from_its_own_hessian():
 @pytest.mark.parametrize("kind", ["smooth", "tv", "free"])
 def test_beliefs_have_the_gradient_of_differences(kind):
     rng = np.random.default_rng(1)
-    belief = Belief(neighbours(np.array([[0, 1], [1, 2], [2, 3], [0, 3]]), 4), kind, 0.4, rng.normal(size=(4, 2)), 2.0)
+    belief = NeighbourBelief(elements_sharing_points(np.array([[0, 1], [1, 2], [2, 3], [0, 3]]), 4), kind, 0.4,
+                             rng.normal(size=(4, 2)), 2.0)
     t, way, h = rng.normal(size=(4, 2)), rng.normal(size=(4, 2)), 1e-5
     expected = (belief.look(t + h * way)[0] - belief.look(t - h * way)[0]) / (2.0 * h)
     assert (belief.look(t)[1] * way).sum() == pytest.approx(expected, rel=1e-8)
-    A = laplacian(belief.pairs, belief.curvature(t), belief.wide**-2, 4)
+    A = graph_laplacian(belief.pairs, belief.curvature(t), belief.wide**-2, 4)
     b = rng.normal(size=(4, 3))
-    assert A[0](solved(A, b)) == pytest.approx(b, rel=1e-5, abs=1e-5)
+    assert A[0](solve_laplacian_columns(A, b)) == pytest.approx(b, rel=1e-5, abs=1e-5)
 
 
 def test_tets_of_a_block_have_as_many_neighbours_as_inner_faces():
     _, tets = shapes.block((0.6, 0.2, 0.2), (6, 2, 2))
     corner = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]], axis=2).reshape(-1, 3)
     each, count = np.unique(corner, axis=0, return_counts=True)
-    assert len(faces(tets)) == (count == 2).sum() and (faces(tets)[:, 0] != faces(tets)[:, 1]).all()
+    assert len(tets_sharing_faces(tets)) == (count == 2).sum() and (tets_sharing_faces(tets)[:,
+                                                                                     0] != tets_sharing_faces(tets)[:, 1]).all()
 
 
 # files, and what is refused
@@ -268,7 +270,7 @@ def test_the_command_writes_the_field_and_the_loader_reads_it(bent, tmp_path, ca
 
     from wsim import cli
     from wsim.usd.result.fields import load_fields
-    from wsim.usd.stage import Reading, Units, open_stage
+    from wsim.usd.stage import StageReading, StageUnits, open_stage
 
     scene, out = bent[0], tmp_path / "fitted.usda"
     wsim.save(scene, tmp_path / "bar.usda")
@@ -282,7 +284,7 @@ def test_the_command_writes_the_field_and_the_loader_reads_it(bent, tmp_path, ca
     stage = open_stage(out)
     mesh = stage.GetPrimAtPath("/bar")
     assert np.array_equal(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("wsim:young").Get(), values)
-    soft = load_fields(Reading(stage, Units.of(stage)), mesh, wsim.load(str(tmp_path / "bar.usda")).softs[0])
+    soft = load_fields(StageReading(stage, StageUnits.of(stage)), mesh, wsim.load(str(tmp_path / "bar.usda")).softs[0])
     assert np.array_equal(np.array([m.young for m in soft.materials])[soft.which], values)
     assert wsim.load(str(out)).softs[0].material.young == pytest.approx(np.median(values), rel=1e-6)
 
@@ -298,7 +300,7 @@ def test_other_fields_are_written_where_the_loader_finds_them(make, names, tmp_p
     scene, out = wsim.load(str(tmp_path / "scene.usda")), tmp_path / "fitted.usda"
     track = seen(scene, [6], 1e-3, sigma=1e-3)
     found = wsim.fit(scene, track, names, settings=Settings(device="cpu", limit=4.0))
-    fit._save(scene, found, str(out))
+    fit._save_fitted_layer(scene, found, str(out))
     loaded, body = wsim.load(str(out)), scene.bodies()[0].path
     if "velocities" in names:
         assert loaded.bodies()[0].velocities == pytest.approx(found.values["velocities[]"], abs=1e-5)

@@ -9,10 +9,10 @@ import pytest
 import wsim
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation
 from wsim.fitting import Scan, Settings, Track, fit, read
-from wsim.fitting.copies import Broken, Copies, settled
-from wsim.fitting.least_squares.bounds import Map
-from wsim.fitting.observations.observe import closest
-from wsim.fitting.parameter import parameters
+from wsim.fitting.copies import BrokenRun, SceneCopies, scene_with_named_choices
+from wsim.fitting.least_squares.bounds import FittingMap
+from wsim.fitting.observations.observe import closest_on_triangle
+from wsim.fitting.parameter import parameters_of_names
 from wsim.scene import shapes
 
 CPU = Settings(device="cpu")
@@ -64,7 +64,8 @@ def swing():
 
 # parameters
 
-@pytest.mark.parametrize("map_, value", [(Map("log"), 3.0), (Map("plain", high=10.0), -9.81), (Map("bounded", -1.0, 0.5), 0.3)])
+@pytest.mark.parametrize("map_, value", [(FittingMap("log"), 3.0), (FittingMap("plain", high=10.0), -9.81),
+                                         (FittingMap("bounded", -1.0, 0.5), 0.3)])
 def test_a_map_leads_there_and_back_and_knows_its_slope(map_, value):
     theta, h = map_.forward(value), 1e-6
     assert map_.inverse(theta) == pytest.approx(value, rel=1e-12)
@@ -84,8 +85,8 @@ def test_a_live_density_is_that_of_the_scene(fall):
 
 def test_copies_begin_again_as_they_began(fall):
     scene, x = fall
-    found, _ = parameters("stretch,gravity_y", [scene])
-    copies = Copies(scene, found, 2, "cpu")
+    found, _ = parameters_of_names("stretch,gravity_y", [scene])
+    copies = SceneCopies(scene, found, 2, "cpu")
     for _ in range(2):
         copies.begin(np.array([[200.0, -9.81], [250.0, -9.0]]))
         copies.to(5)
@@ -97,9 +98,9 @@ def test_a_scene_that_is_settled_stays_so(integrator, steps):
     """As many steps, of one stage or two."""
     scene = bar()
     scene.integrator, scene.substeps = integrator, 4
-    once = settled(scene, "cpu")
+    once = scene_with_named_choices(scene, "cpu")
     assert (once.substeps, once.integrator) == (steps, "sdirk3" if integrator == "auto" else integrator)
-    assert settled(once, "cpu").substeps == steps
+    assert scene_with_named_choices(once, "cpu").substeps == steps
 
 
 # what is found
@@ -121,7 +122,7 @@ def test_warp_and_weft_are_found_apart(fall):
     x = motion(replace(scene, cloths=[woven], frames=12))
     found = fit(scene, seen(x, "/sheet", 1e-4), "stretch_warp,stretch_weft", settings=CPU)
     assert found.values == pytest.approx({"stretch_warp": 200.0, "stretch_weft": 400.0}, rel=1e-3)
-    both, _ = parameters("stretch", [found.scene])
+    both, _ = parameters_of_names("stretch", [found.scene])
     material = both[0].written(found.scene, 100.0).cloths[0].material
     assert (material.stretch, material.weft) == pytest.approx((100.0, 200.0), rel=2e-3)
 
@@ -214,7 +215,7 @@ def test_a_scan_needs_no_correspondence(fall):
 def test_the_nearest_place_of_a_triangle():
     rng = np.random.default_rng(1)
     p, e, f = rng.normal(size=(3, 40, 3))
-    u, v = closest(p, e, f).T
+    u, v = closest_on_triangle(p, e, f).T
     assert (u >= -1e-12).all() and (v >= -1e-12).all() and (u + v <= 1.0 + 1e-12).all()
     distance = np.linalg.norm(p - u[:, None] * e - v[:, None] * f, axis=1)
     s, t = (w.ravel() for w in np.meshgrid(np.linspace(0.0, 1.0, 101), np.linspace(0.0, 1.0, 101)))
@@ -239,17 +240,18 @@ def test_a_chaotic_horizon_is_cut_and_its_growth_said():
 
 def test_frames_before_a_broken_one_are_used_and_it_is_named(fall, monkeypatch):
     scene, x = fall
-    to = Copies.to
+    to = SceneCopies.to
 
     def breaks(self, frame):
         if frame > 9:
-            raise Broken(frame, "point 3 stopped being a number")
+            raise BrokenRun(frame, "point 3 stopped being a number")
         to(self, frame)
 
-    monkeypatch.setattr(Copies, "to", breaks)
+    monkeypatch.setattr(SceneCopies, "to", breaks)
     found = fit(scene, seen(x, "/sheet", 1e-4), "stretch", start={"stretch": 250.0}, settings=CPU)
     assert found.frames == 9 and "frame 10: point 3 stopped being a number" in found.notes[0]
-    monkeypatch.setattr(Copies, "to", lambda self, frame: (_ for _ in ()).throw(Broken(1, "point 3 stopped being a number")))
+    monkeypatch.setattr(SceneCopies, "to", lambda self,
+                        frame: (_ for _ in ()).throw(BrokenRun(1, "point 3 stopped being a number")))
     with pytest.raises(SceneError, match="frame 1: point 3"):
         fit(scene, seen(x, "/sheet", 1e-4), "stretch", settings=CPU)
 
@@ -277,14 +279,14 @@ def test_a_fit_goes_on_where_it_was_stopped(swing, tmp_path):
     ("/sheet:gravity", "the whole scene's"), ("strain_limit", "where it is finite from the start")])
 def test_a_parameter_that_cannot_be_fitted_is_named_with_those_that_can(asked, words):
     with pytest.raises(SceneError, match=words):
-        parameters(asked, [sheet()])
+        parameters_of_names(asked, [sheet()])
 
 
 def test_density_of_authored_masses_is_refused():
     scene = sheet()
     scene.cloths[0].mass = 0.2
     with pytest.raises(SceneError, match="/sheet: density changes nothing: masses are authored"):
-        parameters("density", [scene])
+        parameters_of_names("density", [scene])
 
 
 @pytest.mark.parametrize("observed, words", [
@@ -340,7 +342,7 @@ def test_a_material_of_others_is_left_alone(tmp_path):
     scene.cloth("/other", *shapes.sheet(1.0, 1.0, 2, 2), material=scene.cloths[0].material)
     wsim.save(scene, tmp_path / "two.usda")
     before = wsim.load(str(tmp_path / "two.usda"))
-    found, _ = parameters("/sheet:bend", [before])
+    found, _ = parameters_of_names("/sheet:bend", [before])
     save_fitted(before, found[0].written(before, 5e-4), tmp_path / "fitted.usda")
     after = wsim.load(str(tmp_path / "fitted.usda"))
     assert [c.material.bend for c in after.cloths] == [5e-4, 1e-3]

@@ -8,7 +8,7 @@ import pytest
 
 import wsim
 from wsim.fitting import Markers
-from wsim.physics.rigid.joints.joint import Drive, revolute
+from wsim.physics.rigid.joints.joint import Drive, revolute_joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Plane, Scene
 from wsim.scene.curve import Motion
@@ -30,7 +30,7 @@ def swinging(stiffness: float, damping: float = 0.3) -> Scene:
     scene = Scene(gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, frames=24, substeps=4)
     arm = Body("/arm", mass=1.0, center=np.zeros(3), inertia=(0.02, 0.1, 0.1), motion=Motion.at_place((0.5, 0.0, 0.0)))
     scene.add(arm)
-    scene.add(revolute("/hinge", None, arm, axis=(0.0, 1.0, 0.0), drives={"rotX": Drive(stiffness, damping)}))
+    scene.add(revolute_joint("/hinge", None, arm, axis=(0.0, 1.0, 0.0), drives={"rotX": Drive(stiffness, damping)}))
     return scene
 
 

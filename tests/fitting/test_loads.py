@@ -96,27 +96,27 @@ def test_mass_and_stiffness_of_a_net_are_known_by_their_ratio_unless_a_force_is(
 def test_what_was_found_is_written_over_the_scene(tmp_path, truth):
     save(pushed(), tmp_path / "scene.usda")
     scene = wsim.load(tmp_path / "scene.usda")
-    from wsim.fitting.parameter import parameters
+    from wsim.fitting.parameter import parameters_of_names
     from wsim.usd.result.fitted import save_fitted
-    found, _ = parameters("/other:force_y,/chain:mass", [scene])
+    found, _ = parameters_of_names("/other:force_y,/chain:mass", [scene])
     after = found[1].written(found[0].written(scene, -2.0), 0.8)
     save_fitted(scene, after, tmp_path / "fitted.usda")
     again = wsim.load(tmp_path / "fitted.usda")
     np.testing.assert_allclose(again.loads[2].curve.values, [[0.3, -2.0, 0.0]])
     np.testing.assert_allclose(again.springs[1].masses, [0.2, 0.2, 0.4])
     with pytest.raises(SceneError, match="has 2 keys, and /grows:force_x is one number"):
-        parameters("/grows:force_x", [scene])
+        parameters_of_names("/grows:force_x", [scene])
 
 
 def test_a_load_is_an_input_of_a_recording():
-    from wsim.gradient.inputs.by_name import inputs
+    from wsim.gradient.inputs.by_name import inputs_by_name
     recording = Recording(Simulation(pushed(), gradients=True, precision="float64", device="cpu"), 4)
     recording.run()
-    found = inputs(recording, ["/grows:force", "/stays:force", "/chain:mass"])
+    found = inputs_by_name(recording, ["/grows:force", "/stays:force", "/chain:mass"])
     assert found["/grows:force"].read().shape == (2, 3) and found["/stays:force"].read().tolist() == STAYS
     found["/stays:force"].write([1.0, 0.0, 0.0])
     assert found["/stays:force"].read().tolist() == [1.0, 0.0, 0.0] and found["/chain:mass"].read() == pytest.approx(0.4)
     gradient = recording.backward({4: {"/chain": np.ones((3, 3))}})
     assert found["/stays:force"].gradient(gradient, 0, (3,)).shape == (3,)
     with pytest.raises(SceneError, match="/grows:force"):
-        inputs(recording, ["/none:force"])
+        inputs_by_name(recording, ["/none:force"])

@@ -10,9 +10,9 @@ from tests.gradient.test_gradients import sheet
 from tests.physics.contact.test_project_adjoint import SOLVERS, dropped
 from tests.physics.soft.test_plastic_adjoint import NEWTON, yielding
 from wsim.fitting import Track
-from wsim.fitting.memory import held
+from wsim.fitting.memory import bytes_held_by
 from wsim.fitting.observations.residuals import Misfit
-from wsim.fitting.parameter import parameters
+from wsim.fitting.parameter import parameters_of_names
 from wsim.gradient import checkpoints
 from wsim.scene import SceneError
 from wsim.simulation import plan
@@ -31,7 +31,7 @@ def alive() -> dict[int, int]:
 def misfit(differences="central") -> Misfit:
     """Of three parameters: seven copies, or four; by Newton's method, whose tables are as long as there are copies."""
     scene = sheet("membrane", **NEWTON)
-    found, scenes = parameters("stretch,shear,bend", [scene])
+    found, scenes = parameters_of_names("stretch,shear,bend", [scene])
     seen = [Track("/cloth", [3], np.zeros((1, 2, 3)), sigma=1e-3)]
     return Misfit([(scenes[0], seen)], found, device="cpu", differences=differences)
 
@@ -43,13 +43,13 @@ def test_what_a_simulation_holds_is_all_that_was_allocated(scene):
     before = alive()
     sim = Simulation(SCENES[scene](), device="cpu", precision="float64")
     new = alive()
-    assert held(sim) == sum(size for at, size in new.items() if at not in before) > 10_000
+    assert bytes_held_by(sim) == sum(size for at, size in new.items() if at not in before) > 10_000
 
 
 def test_where_the_copies_do_not_fit_the_bytes_and_how_many_would_are_said(monkeypatch):
     copies = misfit().batches[7].copies[0]
-    whole = held(copies.sim) + sum(a.capacity for a in copies.saved)
-    monkeypatch.setattr(checkpoints, "free", lambda device: 0.6 * whole)
+    whole = bytes_held_by(copies.sim) + sum(a.capacity for a in copies.saved)
+    monkeypatch.setattr(checkpoints, "free_bytes", lambda device: 0.6 * whole)
     with pytest.raises(SceneError, match="memory: a fit of 3 parameters runs 7 copies .* free on cpu: 4 copies fit; "
                                          "differences=\"forward\" takes 4 of them") as said:
         misfit()
@@ -61,21 +61,21 @@ def test_where_the_copies_do_not_fit_the_bytes_and_how_many_would_are_said(monke
                                         (0.1, "0 copies fit; take fewer points")])
 def test_where_fewer_fit_the_parameters_that_would_are_said(part, mend, monkeypatch):
     copies = misfit().batches[7].copies[0]
-    whole = held(copies.sim) + sum(a.capacity for a in copies.saved)
-    monkeypatch.setattr(checkpoints, "free", lambda device: part * whole)
+    whole = bytes_held_by(copies.sim) + sum(a.capacity for a in copies.saved)
+    monkeypatch.setattr(checkpoints, "free_bytes", lambda device: part * whole)
     with pytest.raises(SceneError, match=mend):
         misfit()
 
 
 def test_an_allocation_that_fails_is_said_with_bytes(monkeypatch):
     """Though there seemed to be room."""
-    build = plan.build
+    build = plan.build_plan
 
     def fails(scene, worlds, **more):
         if worlds > 1:
             raise RuntimeError("Failed to allocate 1000 bytes on device 'cpu'")
         return build(scene, worlds=worlds, **more)
-    monkeypatch.setattr(plan, "build", fails)
+    monkeypatch.setattr(plan, "build_plan", fails)
     with pytest.raises(SceneError, match=r"runs 7 copies of the scene at once, which hold about [0-9]+ bytes .*, and .* "
                                          r"are free"):
         misfit()

@@ -10,8 +10,8 @@ from tests.fitting.test_fields import CPU, QUICK, bar, halves, net, seen, sheet
 from tests.physics.contact.test_restitution import ball
 from wsim import SceneError, Simulation
 from wsim.fitting import Pull, Scan, Settings
-from wsim.fitting.fields.misfit import Adjoint
-from wsim.fitting.fields.number import several
+from wsim.fitting.fields.misfit import AdjointMisfit
+from wsim.fitting.fields.number import numbers_and_fields
 from wsim.gradient import checkpoints
 
 
@@ -43,10 +43,10 @@ def scanned(scene, frame, away=2e-3) -> list[Scan]:
     return [Scan(body.path, frame, np.concatenate([places, border]))]
 
 
-def adjoint(scene, tracks, names) -> tuple[Adjoint, np.ndarray]:
-    found, (scene,) = several(names, [scene], {})
-    misfit = Adjoint([(scene, tracks)], found, "cpu")
-    misfit.believe(misfit.start)
+def adjoint(scene, tracks, names) -> tuple[AdjointMisfit, np.ndarray]:
+    found, (scene,) = numbers_and_fields(names, [scene], {})
+    misfit = AdjointMisfit([(scene, tracks)], found, "cpu")
+    misfit.set_beliefs(misfit.start)
     return misfit, misfit.theta(misfit.start)
 
 
@@ -188,6 +188,6 @@ def test_what_cannot_be_recorded_is_not_put_down_to_the_start(monkeypatch):
     scene.cloths[0].tethers = True
     with pytest.raises(SceneError, match="/sheet: has tethers or a strain limit, which pull at pins without a law"):
         wsim.fit(scene, forces, "stretch[]", settings=CPU)
-    monkeypatch.setattr(checkpoints, "free", lambda device: 1e4)
+    monkeypatch.setattr(checkpoints, "free_bytes", lambda device: 1e4)
     with pytest.raises(SceneError, match="memory: recording .* frames of 20 substeps keeps"):
         wsim.fit(net(), seen(net(), [6]), "stiffness[]", settings=CPU)

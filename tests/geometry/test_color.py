@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wsim.geometry import color, ordering
-from wsim.geometry.color_chains import chain as chain_back
-from wsim.geometry.topology import edges, hinges
+from wsim.geometry.color_chains import kempe_chain as chain_back
+from wsim.geometry.topology import edges_of_triangles, hinges_of_triangles
 
 
 def grid_springs(side, seed=0):
@@ -49,7 +49,8 @@ def met_most(ids):
 
 SETS = {"springs": grid_springs(24)[0], "chain": chain(500),
         "cycle": np.stack([np.arange(99), (np.arange(99) + 1) % 99], axis=1),
-        "edges": edges(grid_triangles(20)), "triangles": grid_triangles(20), "hinges": hinges(grid_triangles(20)),
+        "edges": edges_of_triangles(grid_triangles(20)), "triangles": grid_triangles(20),
+        "hinges": hinges_of_triangles(grid_triangles(20)),
         "points": np.arange(50)[:, None], "star": np.stack([np.zeros(300, int), np.arange(1, 301)], 1),
         "repeated": np.array([[0, 1]] * 70), "loops": np.array([[0, 0], [0, 1], [1, 1], [2, 2]]),
         "tetrahedra": np.random.default_rng(1).integers(0, 60, (400, 4)), "none": np.zeros((0, 2), int)}
@@ -58,7 +59,7 @@ SETS = {"springs": grid_springs(24)[0], "chain": chain(500),
 @pytest.mark.parametrize("name", SETS)
 def test_no_point_occurs_twice_in_a_colour(name):
     ids = SETS[name]
-    colours = color.color(ids, 600)
+    colours = color.color_constraints(ids, 600)
     assert colours.shape == (len(ids),) and colours.dtype == np.int32
     assert clashes(ids, colours) == 0
     assert np.array_equal(np.unique(colours), np.arange(colours.max(initial=-1) + 1))           # no colour is empty
@@ -69,50 +70,50 @@ def test_no_point_occurs_twice_in_a_colour(name):
 def test_colours_are_as_few_as_meet_at_a_point_or_nearly(name, more):
     """An odd cycle needs one more by its parity; triangles and hinges of a grid take one and two more."""
     ids = SETS[name]
-    assert int(color.color(ids, 600).max()) + 1 <= met_most(ids) + more
+    assert int(color.color_constraints(ids, 600).max()) + 1 <= met_most(ids) + more
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_springs_of_a_grid_take_eight_colours_whatever_the_numbers(seed):
     ids, _ = grid_springs(32, seed)
-    colours = color.color(ids, 1024)
+    colours = color.color_constraints(ids, 1024)
     assert int(colours.max()) + 1 == 8 and clashes(ids, colours) == 0
 
 
 def test_a_multigraph_takes_no_more_than_shannons_bound():
     """Three bundles of k edges between three points need 3k colours, where 2k meet at a point (Shannon 1949)."""
     ids = np.repeat(np.array([[0, 1], [1, 2], [2, 0]]), 10, axis=0)
-    colours = color.color(ids, 3)
+    colours = color.color_constraints(ids, 3)
     assert clashes(ids, colours) == 0 and int(colours.max()) + 1 == 30
 
 
 @pytest.mark.parametrize("name", ["springs", "chain", "edges", "triangles", "hinges"])
 def test_colours_have_about_equal_sizes(name):
-    size = np.bincount(color.color(SETS[name], 600))
+    size = np.bincount(color.color_constraints(SETS[name], 600))
     assert size.min() >= 0.8 * size.mean() and size.max() <= 1.2 * size.mean()
 
 
 def test_the_same_constraints_get_the_same_colours():
     ids, _ = grid_springs(40)
-    assert np.array_equal(color.color(ids, 1600), color.color(ids.copy(), 1600))
+    assert np.array_equal(color.color_constraints(ids, 1600), color.color_constraints(ids.copy(), 1600))
 
 
 @pytest.mark.parametrize(("ids", "words"), [
     ([[0, 5]], "0 to 4"), ([[-1, 2]], "0 to 4"), ([0, 1], "shape"), ([[]], "shape")])
 def test_wrong_ids_are_refused(ids, words):
     with pytest.raises(ValueError, match=words):
-        color.color(np.array(ids), 5)
+        color.color_constraints(np.array(ids), 5)
 
 
 def test_batches_hold_every_constraint_once_by_colour_then_by_lowest_point():
     ids, _ = grid_springs(20)
-    order, starts = color.batches(ids, 400)
+    order, starts = color.color_batches(ids, 400)
     assert np.array_equal(np.sort(order), np.arange(len(ids))) and starts[0] == 0 and starts[-1] == len(ids)
     for a, b in zip(starts[:-1], starts[1:], strict=True):
         batch = ids[order[a:b]]
         assert len(np.unique(batch)) == batch.size                              # no point twice
         assert (np.diff(batch.min(axis=1)) > 0).all()
-    order, starts = color.batches(np.zeros((0, 3), int), 0)
+    order, starts = color.color_batches(np.zeros((0, 3), int), 0)
     assert len(order) == 0 and starts.tolist() == [0]
 
 
@@ -122,7 +123,7 @@ def test_hilberts_curve_goes_from_cell_to_neighbouring_cell(dimensions):
     cells = np.stack(np.meshgrid(*[np.arange(side)] * dimensions, indexing="ij"), -1).reshape(-1, dimensions)
     points = np.zeros((len(cells), 3))
     points[:, :dimensions] = np.random.default_rng(2).permutation(cells)
-    order = color.locality(points)
+    order = color.locality_order(points)
     assert np.array_equal(np.sort(order), np.arange(len(points)))
     assert (np.abs(np.diff(points[order], axis=0)).sum(axis=1) == 1).all()
 
@@ -131,7 +132,7 @@ def test_hilberts_curve_goes_from_cell_to_neighbouring_cell(dimensions):
                                     np.array([[0, 0, 0], [1e-30, 0, 0], [1e-30, 0, 0]])])
 @pytest.mark.parametrize("joined", [None, [[0, 1], [1, 2]]])
 def test_orders_take_points_without_extent(points, joined):
-    order = color.locality(points, None if joined is None or len(points) < 3 else np.array(joined))
+    order = color.locality_order(points, None if joined is None or len(points) < 3 else np.array(joined))
     assert np.array_equal(np.sort(order), np.arange(len(points)))
 
 
@@ -144,7 +145,7 @@ def rolled_up(places):
 @pytest.mark.parametrize("shape", [lambda places: places, rolled_up])
 def test_levels_of_a_grid_are_its_rows(shape):
     ids, places = grid_springs(24, seed=3)
-    order = color.locality(shape(places), ids)
+    order = color.locality_order(shape(places), ids)
     rows = places[order][:, 0].reshape(24, 24)
     columns = places[order][:, 1].reshape(24, 24)
     assert ((rows == rows[:, :1]).all() and (np.abs(np.diff(columns, axis=1)) == 1).all()) or \
@@ -154,7 +155,7 @@ def test_levels_of_a_grid_are_its_rows(shape):
 def test_levels_reach_every_island_and_lone_points():
     ids, places = grid_springs(10)
     two = np.concatenate([ids, ids + 100])
-    order = color.locality(np.concatenate([places, places + [50, 0, 0], [[1, 2, 3]]]), two)
+    order = color.locality_order(np.concatenate([places, places + [50, 0, 0], [[1, 2, 3]]]), two)
     assert np.array_equal(np.sort(order), np.arange(201))
 
 
@@ -174,16 +175,16 @@ def test_colours_of_a_grid_in_levels_are_read_in_long_runs():
     sectors is wasted where each second point belongs to another thread, as with colours drawn at random."""
     ids, places = grid_springs(96, seed=5)
     place = np.empty(len(places), int)
-    place[color.locality(places, ids)] = np.arange(len(places))
+    place[color.locality_order(places, ids)] = np.arange(len(places))
     numbered = place[ids]
-    assert sectors(numbered, color.color(numbered, len(places))) < 1.7 * 2 * 13
-    assert sectors(ids, color.color(ids, len(places))) > 2 * 2 * 13
+    assert sectors(numbered, color.color_constraints(numbered, len(places))) < 1.7 * 2 * 13
+    assert sectors(ids, color.color_constraints(ids, len(places))) > 2 * 2 * 13
 
 
 def test_a_large_set_fills_its_first_colours_and_stays_free_of_clashes():
     ids, places = grid_springs(230)
     assert len(ids) > color.LARGE
-    colours = color.color(ids, len(places))
+    colours = color.color_constraints(ids, len(places))
     at = np.sort((colours[:, None] * len(places) + ids).ravel())
     assert (at[1:] != at[:-1]).all()
     size = np.bincount(colours)
@@ -192,20 +193,20 @@ def test_a_large_set_fills_its_first_colours_and_stays_free_of_clashes():
 
 def test_an_irregular_mesh_goes_along_the_curve_a_regular_one_by_levels():
     ids, places = grid_springs(40)
-    assert np.array_equal(color.locality(places, ids), ordering.levels(places, ids))
+    assert np.array_equal(color.locality_order(places, ids), ordering.level_order(places, ids))
     few = ids[np.random.default_rng(4).random(len(ids)) < 0.5]
-    assert np.array_equal(color.locality(places, few), color.locality(places))
+    assert np.array_equal(color.locality_order(places, few), color.locality_order(places))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_kempe_colours_an_edge_that_no_colour_is_free_for(seed):
     """Springs of a grid in eight colours; taken out one by one at random, each finds its way back."""
     ids, _ = grid_springs(16, seed)
-    part = color._Coloring(np.ascontiguousarray(ids, np.int32), 256, seed)
+    part = color._PartialColoring(np.ascontiguousarray(ids, np.int32), 256, seed)
     part.solve()
     assert part.count == 8
     gone = np.random.default_rng(seed).choice(len(ids), 50, replace=False).astype(np.int32)
-    part._move(gone, None)
+    part._recolour_constraints(gone, None)
     stuck = part.fill(gone)
     chain_back(part.ids, stuck, 8, part.owner, part.mask, part.colours, part.rng)
     assert clashes(ids, np.where(part.colours < 0, 100 + np.arange(len(ids)), part.colours)) == 0
@@ -218,8 +219,8 @@ def test_kempe_colours_an_edge_that_no_colour_is_free_for(seed):
 
 def test_a_pattern_that_serves_no_one_is_not_taken():
     ids, _ = grid_springs(20)
-    part = color._Coloring(np.ascontiguousarray(ids, np.int32), 400, 0)
-    assert not part.weave() and (part.colours < 0).all() and not part.mask.any()
+    part = color._PartialColoring(np.ascontiguousarray(ids, np.int32), 400, 0)
+    assert not part.adopt_woven_pattern() and (part.colours < 0).all() and not part.mask.any()
 
 
 def test_the_pattern_of_rows_has_no_clash_inside():
@@ -227,6 +228,6 @@ def test_the_pattern_of_rows_has_no_clash_inside():
     i = np.arange(side * side).reshape(side, side)
     pairs = [(i[:, :-1], i[:, 1:]), (i[:-1], i[1:])]
     ids = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in pairs])
-    pick = ordering.pattern(ids, side * side)
+    pick = ordering.colours_by_level(ids, side * side)
     inside = ((ids % side > 0) & (ids % side < side - 1)).all(axis=1) & (ids > 2 * side).all(axis=1)
     assert pick[inside].max() == 3 and clashes(ids[inside], pick[inside]) == 0

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from wsim.geometry.memo import KEPT, digest, latest
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.memo import KEPT, digest_of_arguments, keep_latest_results
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Scene, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def counted():
     """A function that is kept, and the list of its calls."""
     calls = []
 
-    @latest
+    @keep_latest_results
     def double(values, factor):
         calls.append(factor)
         return [values * 2.0, (values * factor,)]
@@ -53,18 +53,19 @@ def test_only_the_latest_are_kept(counted):
 
 def test_type_and_shape_are_content():
     zeros = np.zeros(12, np.float32)
-    assert len({digest(a) for a in (zeros, zeros.reshape(4, 3), zeros.reshape(3, 4), zeros.view(np.int32),
-                                    zeros[:0], None, (zeros[:0], "x")[1])}) == 7
-    assert digest(np.arange(6).reshape(2, 3).T) == digest(np.ascontiguousarray(np.arange(6).reshape(2, 3).T))
+    assert len({digest_of_arguments(a) for a in (zeros, zeros.reshape(4, 3), zeros.reshape(3, 4), zeros.view(np.int32),
+                                                 zeros[:0], None, (zeros[:0], "x")[1])}) == 7
+    assert digest_of_arguments(np.arange(6).reshape(2,
+                                                3).T) == digest_of_arguments(np.ascontiguousarray(np.arange(6).reshape(2, 3).T))
 
 
 def test_a_mesh_is_cut_once_for_check_and_model(monkeypatch):
     scene = Scene(gravity=(0.0, 0.0, 0.0))
     sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 23, 29))
     cuts = []
-    cut = triangulate.__globals__["_cut"]
-    monkeypatch.setitem(triangulate.__globals__, "_cut", lambda *mesh: cuts.append(1) or cut(*mesh))
+    cut = triangulate_polygons.__globals__["_cut"]
+    monkeypatch.setitem(triangulate_polygons.__globals__, "_cut", lambda *mesh: cuts.append(1) or cut(*mesh))
     for _ in range(2):
-        assert check(scene) == []
-        triangulate(sheet.points.astype(np.float64), sheet.counts, sheet.indices)
+        assert check_scene(scene) == []
+        triangulate_polygons(sheet.points.astype(np.float64), sheet.counts, sheet.indices)
     assert len(cuts) == 1                                     # quadrangles alone: one call of _cut for the whole mesh

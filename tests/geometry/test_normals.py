@@ -6,32 +6,32 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from tests.conftest import grid
 from tests.usd.result.test_recorder import CLOTH, author, record, world
-from wsim.geometry.normals import Normals, fans
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.normals import AuthoredNormals, polygon_fans
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.usd.result.recorder import Recorder
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
 FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])      # outward
 OUT = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
-TURN = about_axis(np.array([0.6, 0.0, 0.8]), 1.1)
+TURN = axis_rotation_matrix(np.array([0.6, 0.0, 0.8]), 1.1)
 COUNTS = np.full(6, 4)
 FLOAT = 4 * np.finfo(np.float32).eps
 
 
 def test_creased_corners_stay_creased_and_turn_with_the_body():
     corners = np.repeat(OUT, 4, axis=0)
-    normals = Normals(CUBE, COUNTS, FACES.reshape(-1), corners, "faceVarying")
+    normals = AuthoredNormals(CUBE, COUNTS, FACES.reshape(-1), corners, "faceVarying")
     assert np.abs(normals.at(CUBE @ TURN.T) - corners @ TURN.T).max() < FLOAT
 
 
 def test_corners_shaded_smooth_share_one_normal():
     diagonal = (2.0 * CUBE - 1.0)[FACES.reshape(-1)] / np.sqrt(3.0)
-    normals = Normals(CUBE, COUNTS, FACES.reshape(-1), diagonal, "faceVarying")
+    normals = AuthoredNormals(CUBE, COUNTS, FACES.reshape(-1), diagonal, "faceVarying")
     assert np.abs(normals.at(CUBE @ TURN.T) - diagonal @ TURN.T).max() < FLOAT      # three equal faces meet at a corner
 
 
 def test_uniform_normals_are_those_of_the_faces():
-    normals = Normals(CUBE, COUNTS, FACES.reshape(-1), OUT, "uniform")
+    normals = AuthoredNormals(CUBE, COUNTS, FACES.reshape(-1), OUT, "uniform")
     assert np.abs(normals.at(CUBE * np.float32(3.0)) - OUT).max() < FLOAT
 
 
@@ -41,26 +41,26 @@ def test_vertex_normals_stay_smooth_over_a_seam_of_duplicate_points():
     up = np.tile([0.0, -1.0, 0.0], (6, 1))
     folded = points.copy()
     folded[4] = 1, 1, 0                                       # the right triangle turns up about the seam x = 1
-    found = Normals(points, [3, 3], np.arange(6), up, "vertex").at(folded)
+    found = AuthoredNormals(points, [3, 3], np.arange(6), up, "vertex").at(folded)
     flat, upright = [0, -1, 0], [1, 0, 0]
     seam = np.add(flat, upright) / np.sqrt(2.0)               # equal areas: half way between
     assert np.abs(found - [flat, seam, seam, seam, upright, seam]).max() < FLOAT
 
 
 def test_a_mesh_shaded_inside_out_stays_inside_out():
-    normals = Normals(CUBE, COUNTS, FACES.reshape(-1), -OUT, "uniform")
+    normals = AuthoredNormals(CUBE, COUNTS, FACES.reshape(-1), -OUT, "uniform")
     assert np.abs(normals.at(CUBE) + OUT).max() < FLOAT
 
 
 def test_where_all_area_is_gone_the_last_normal_stays():
-    normals = Normals(CUBE, COUNTS, FACES.reshape(-1), OUT, "uniform")
+    normals = AuthoredNormals(CUBE, COUNTS, FACES.reshape(-1), OUT, "uniform")
     normals.at(CUBE @ TURN.T)
     assert np.abs(normals.at(np.zeros((8, 3))) - OUT @ TURN.T).max() < FLOAT
 
 
 def test_a_concave_polygon_has_the_area_of_what_it_covers():
     arrow = np.array([[0, 0, 0], [2, 1, 0], [0, 2, 0], [1, 1, 0]], float)
-    triangles, face = fans(np.array([4]), np.arange(4))
+    triangles, face = polygon_fans(np.array([4]), np.arange(4))
     a, b, c = (arrow[triangles[:, k]] for k in range(3))
     assert np.array_equal(0.5 * np.cross(b - a, c - a).sum(axis=0), [0, 0, 1]) and list(face) == [0, 0]
 
@@ -69,7 +69,7 @@ def test_a_concave_polygon_has_the_area_of_what_it_covers():
     (OUT, "vertex", "6 normals where 'vertex' needs 8"), (OUT[:1], "constant", "'constant' normals")])
 def test_normals_that_do_not_fit_are_refused_in_words(values, interpolation, text):
     with pytest.raises(ValueError, match=text):
-        Normals(CUBE, COUNTS, FACES.reshape(-1), values, interpolation)
+        AuthoredNormals(CUBE, COUNTS, FACES.reshape(-1), values, interpolation)
 
 
 def shaded(path, *, values, interpolation, indices=None, primvar=False):

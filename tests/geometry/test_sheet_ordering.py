@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wsim.geometry import color as colors
-from wsim.geometry.ordering import locality
-from wsim.geometry.sheet_ordering import color, lowest, order_of_points
+from wsim.geometry.ordering import locality_order
+from wsim.geometry.sheet_ordering import color_sheet, lowest_point_of_constraint, order_of_points
 from wsim.scene import shapes
 
 SHAPES = [(9, 9), (2, 30), (30, 2), (7, 12), (40, 25)]           # columns, rows
@@ -73,7 +73,7 @@ def test_rows_run_along_the_shorter_edges():
 def test_each_distance_has_two_colours_of_its_own(columns, rows):
     points, edges, _ = grid(columns, rows)
     ids, _ = placed(points, edges)
-    found = color(ids, len(points))
+    found = color_sheet(ids, len(points))
     step = np.abs(ids[:, 0] - ids[:, 1])
     assert proper(ids, found) and found.dtype == np.int32
     assert len(np.unique(step)) == 4 and found.max() + 1 == 8
@@ -86,7 +86,7 @@ def test_in_a_colour_of_a_distance_springs_follow_each_other_in_memory():
     """Blocks of s neighbours: within a block the next spring starts at the next point; blocks are one apart."""
     points, edges, _ = grid(40, 25)
     ids, _ = placed(points, edges)
-    found, low, step = color(ids, len(points)), lowest(ids), np.abs(ids[:, 0] - ids[:, 1])
+    found, low, step = color_sheet(ids, len(points)), lowest_point_of_constraint(ids), np.abs(ids[:, 0] - ids[:, 1])
     for c in np.unique(found):
         mine = np.sort(low[found == c])
         gaps = np.diff(mine)
@@ -100,7 +100,7 @@ def test_the_net_with_cross_springs_is_coloured_by_distance_too(n):
     shuffled = np.empty_like(points)
     shuffled[name] = points
     ids, _ = placed(shuffled, name[edges])
-    found = color(ids, n * n)
+    found = color_sheet(ids, n * n)
     assert proper(ids, found) and found.max() + 1 <= 12            # six distances
 
 
@@ -109,7 +109,7 @@ def test_a_few_springs_out_of_pattern_get_colours_of_their_own():
     ids, _ = placed(points, edges)
     odd = np.stack([np.arange(0, 30), 500 + 7 * np.arange(30)], 1)   # thirty distances, under 1 % each
     both = np.concatenate([ids, odd])
-    found = color(both, 900)
+    found = color_sheet(both, 900)
     assert proper(both, found) and len(np.unique(found[:len(ids)])) == 8
     assert not np.isin(found[len(ids):], found[:len(ids)]).any()
 
@@ -119,8 +119,8 @@ def test_two_springs_between_the_same_points_fall_back():
     ids, _ = placed(points, edges)
     for twice in (ids[:1], ids[:1, ::-1]):
         both = np.concatenate([ids, twice])
-        found = color(both, 144)
-        assert proper(both, found) and np.array_equal(found, colors.color(both, 144))
+        found = color_sheet(both, 144)
+        assert proper(both, found) and np.array_equal(found, colors.color_constraints(both, 144))
 
 
 def test_an_irregular_mesh_falls_back():
@@ -130,20 +130,20 @@ def test_an_irregular_mesh_falls_back():
     t = spatial.Delaunay(points[:, :2]).simplices
     edges = np.unique(np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]), axis=1), axis=0)
     ids, _ = placed(points, edges)
-    found = color(ids, 400)
-    assert proper(ids, found) and np.array_equal(found, colors.color(ids, 400))
+    found = color_sheet(ids, 400)
+    assert proper(ids, found) and np.array_equal(found, colors.color_constraints(ids, 400))
 
 
 def test_a_bent_sheet_goes_by_levels():
     points, edges, _ = grid(15, 15)
     points[:, 2] = 0.1 * np.sin(3.0 * points[:, 0])
-    assert np.array_equal(order_of_points(points, edges), locality(points, edges))
+    assert np.array_equal(order_of_points(points, edges), locality_order(points, edges))
 
 
 def test_triangles_and_hinges_are_coloured_by_the_general_way():
     triangles = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]])
-    found = color(triangles, 6)
-    assert proper(triangles, found) and np.array_equal(found, colors.color(triangles, 6))
+    found = color_sheet(triangles, 6)
+    assert proper(triangles, found) and np.array_equal(found, colors.color_constraints(triangles, 6))
 
 
 @pytest.mark.parametrize("points", [
@@ -153,10 +153,10 @@ def test_shapes_without_rows_are_ordered_all_the_same(points):
     points = np.asarray(points, float)
     edges = np.stack([np.arange(len(points) - 1), np.arange(1, len(points))], 1)
     ids, _ = placed(points, edges)
-    assert proper(ids, color(ids, len(points)))
+    assert proper(ids, color_sheet(ids, len(points)))
 
 
 def test_nothing_to_colour_and_nothing_to_join():
-    assert len(color(np.zeros((0, 2), np.int32), 5)) == 0
+    assert len(color_sheet(np.zeros((0, 2), np.int32), 5)) == 0
     assert np.array_equal(np.sort(order_of_points(np.random.default_rng(0).normal(size=(9, 3)), np.zeros((0, 2), int))),
                           np.arange(9))

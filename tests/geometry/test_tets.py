@@ -10,7 +10,7 @@ REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, -1, 1], [-1, 1, -1]], float)   
 
 
 def block(kind="five", cells=(4, 2, 3)):
-    return lattice.box(SIZE, cells, kind)
+    return lattice.tet_box(SIZE, cells, kind)
 
 
 def crumpled(seed=0):
@@ -38,16 +38,16 @@ def edge_count(triangles):
 @pytest.mark.parametrize("cells", [1, 2, (4, 2, 3), (1, 5, 1)])
 def test_a_box_is_filled_by_tets_of_positive_volume(kind, cells):
     points, rows = block(kind, cells)
-    volumes = tets.volumes(points, rows)
+    volumes = tets.signed_tet_volumes(points, rows)
     assert volumes.min() > 0
     assert volumes.sum() == pytest.approx(np.prod(SIZE), rel=1e-14 * len(rows))
-    assert repair.mend(points, rows)[2] == []                                  # no loose point, no copy
+    assert repair.repair_tets(points, rows)[2] == []                           # no loose point, no copy
 
 
 @pytest.mark.parametrize("kind", lattice.KINDS)
 def test_faces_inside_are_shared_by_two_tets_that_see_them_from_opposite_sides(kind):
     points, rows = block(kind)
-    every, skin = faces(rows), tets.surface(rows)
+    every, skin = faces(rows), tets.tet_surface_triangles(rows)
     turned = [np.sort(every, axis=1)]
     _, which, times = np.unique(turned[0], axis=0, return_inverse=True, return_counts=True)
     assert times.max() == 2 and (times == 1).sum() == len(skin)
@@ -61,9 +61,10 @@ def test_faces_inside_are_shared_by_two_tets_that_see_them_from_opposite_sides(k
 @pytest.mark.parametrize("mesh", [block(), block("bcc"), crumpled()])
 def test_the_surface_is_closed_outward_and_encloses_the_volume(mesh):
     points, rows = mesh
-    skin = tets.surface(rows)
+    skin = tets.tet_surface_triangles(rows)
     a, b, c = points[skin].transpose(1, 0, 2)
-    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(tets.volumes(points, rows).sum(), rel=1e-13)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(tets.signed_tet_volumes(points, rows).sum(),
+                                                                          rel=1e-13)
     assert len(np.unique(skin)) - edge_count(skin) + len(skin) == 2             # Euler: a ball without handles
     directed = skin[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2) @ (len(points), 1)
     assert len(np.unique(directed)) == len(directed)                            # no edge twice in one direction
@@ -76,15 +77,15 @@ def test_the_number_of_tets_is_the_documented_one():
 
 
 def test_quality_is_that_of_the_regular_tet_and_of_the_lattices():
-    assert tets.quality(REGULAR, [[0, 2, 1, 3]])[1] == pytest.approx(-1.0, abs=1e-15)
-    assert tets.quality(REGULAR, [[0, 1, 2, 3]])[1] == pytest.approx(1.0, abs=1e-15)
-    points, rows = lattice.box((3, 3, 3), 3)
-    values, least, histogram = tets.quality(points, rows)
+    assert tets.mean_ratio_quality(REGULAR, [[0, 2, 1, 3]])[1] == pytest.approx(-1.0, abs=1e-15)
+    assert tets.mean_ratio_quality(REGULAR, [[0, 1, 2, 3]])[1] == pytest.approx(1.0, abs=1e-15)
+    points, rows = lattice.tet_box((3, 3, 3), 3)
+    values, least, histogram = tets.mean_ratio_quality(points, rows)
     corner = 12.0 * 0.5 ** (2 / 3) / 9.0                       # volume 1/6, edges 1, 1, 1 and three diagonals
     assert least == pytest.approx(corner, rel=1e-14) and sorted({round(v, 9) for v in values}) == [round(corner, 9), 1.0]
     assert histogram.tolist() == [0] * 8 + [4 * 27, 27]
-    points, rows = lattice.box((3, 3, 3), 3, "bcc")
-    values = tets.quality(points, rows)[0]
+    points, rows = lattice.tet_box((3, 3, 3), 3, "bcc")
+    values = tets.mean_ratio_quality(points, rows)[0]
     inside = 12.0 * 0.25 ** (2 / 3) / 5.0                      # volume 1/12, two edges 1, four sqrt(3)/2
     half = 12.0 * 0.25 ** (2 / 3) / 6.25                       # half a pyramid: edges 1, 1, sqrt(2), three of sqrt(3)/2
     assert sorted({round(v, 9) for v in values}) == [round(half, 9), round(inside, 9)]
@@ -96,7 +97,7 @@ def test_quality_is_that_of_the_regular_tet_and_of_the_lattices():
     ((1, 1, 1), np.nan, "five", "cells is nan"), ((1, 1, 1), 10_000, "five", "at most"), ((1, 1, 1), 2, "six", "five, bcc")])
 def test_a_box_that_cannot_be_is_refused_by_the_name_of_the_argument(size, cells, kind, words):
     with pytest.raises(ValueError) as refused:
-        lattice.box(size, cells, kind)
+        lattice.tet_box(size, cells, kind)
     assert words in str(refused.value)
 
 
@@ -105,7 +106,8 @@ def test_integer_boxes_give_each_of_their_cells_once_in_any_portions():
     wanted = [(b, *cell) for b in range(4) for cell in np.ndindex(*np.maximum(high[b] - low[b] + 1, 0))]
     wanted = [(b, *(np.array(cell) + low[b])) for b, *cell in wanted]
     for most in (1, 4, 1000):
-        found = [(b, *c) for box, cell in lattice.spread(low, high, most) for b, c in zip(box, cell, strict=True)]
+        found = [(b, *c) for box, cell in lattice.cells_of_integer_boxes(low, high, most)
+                 for b, c in zip(box, cell, strict=True)]
         assert found == wanted
 
 
@@ -115,13 +117,13 @@ def test_gradients_take_the_deformation_gradient_from_any_affine_map():
     points, rows = crumpled()
     A = np.array([[1.2, 0.3, -0.1], [0.0, 0.7, 0.5], [-0.4, 0.2, 1.1]])
     moved = points @ A.T + (3.0, -2.0, 1.0)
-    F = np.einsum("tik,til->tkl", moved[rows], tets.gradients(points, rows))
+    F = np.einsum("tik,til->tkl", moved[rows], tets.barycentric_gradients(points, rows))
     assert np.abs(F - A).max() < 1e-12                                          # condition of a tet (100) times rounding
 
 
 def test_gradients_are_one_at_their_corner_and_zero_at_the_others():
     points, rows = crumpled()
-    g, X = tets.gradients(points, rows), points[rows]
+    g, X = tets.barycentric_gradients(points, rows), points[rows]
     values = np.einsum("tik,tjk->tij", g, X - X[:, :1]) + np.array([1.0, 0, 0, 0])[:, None]
     assert np.abs(values - np.eye(4)).max() < 1e-12
     assert np.abs(g.sum(axis=1)).max() < 1e-12
@@ -130,34 +132,34 @@ def test_gradients_are_one_at_their_corner_and_zero_at_the_others():
 def test_masses_add_up_and_ten_nodes_share_as_documented():
     points, rows = crumpled()
     density = np.linspace(500.0, 2000.0, len(rows))
-    total = density @ tets.volumes(points, rows)
-    for mesh in ((points, rows), tets.quadratic(points, rows)):
-        mass = tets.masses(*mesh, density)
+    total = density @ tets.signed_tet_volumes(points, rows)
+    for mesh in ((points, rows), tets.ten_node_mesh(points, rows)):
+        mass = tets.lumped_tet_masses(*mesh, density)
         assert mass.min() > 0 and mass.sum() == pytest.approx(total, rel=1e-13)
-    one = tets.masses(*tets.quadratic(REGULAR, [[0, 1, 2, 3]]), 36.0 / (8.0 / 3.0))         # volume 8/3, mass 36
+    one = tets.lumped_tet_masses(*tets.ten_node_mesh(REGULAR, [[0, 1, 2, 3]]), 36.0 / (8.0 / 3.0))  # volume 8/3, mass 36
     assert one == pytest.approx([1.0] * 4 + [16.0 / 3.0] * 6, rel=1e-14)
 
 
 @pytest.mark.parametrize("density, words", [(0.0, "density is 0"), (np.nan, "density is nan"), ([1.0, 2.0], "shape (2,)")])
 def test_a_density_that_is_none_is_refused(density, words):
     with pytest.raises(ValueError) as refused:
-        tets.masses(*block(), density)
+        tets.lumped_tet_masses(*block(), density)
     assert words in str(refused.value)
 
 
 def test_corners_name_every_place_of_a_point_once():
     points, rows = crumpled()
-    starts, found = tets.corners(rows, len(points))
+    starts, found = tets.occurrences_of_points(rows, len(points))
     assert np.array_equal(np.sort(found), np.arange(4 * len(rows)))
     assert np.array_equal(rows.ravel()[found], np.repeat(np.arange(len(points)), np.diff(starts)))
 
 
 def test_quadratic_nodes_follow_eulers_formula_and_lie_in_the_middle_of_shared_edges():
     points, rows = crumpled()
-    nodes, ten = tets.quadratic(points, rows)
-    inner = (4 * len(rows) - len(tets.surface(rows))) // 2
+    nodes, ten = tets.ten_node_mesh(points, rows)
+    inner = (4 * len(rows) - len(tets.tet_surface_triangles(rows))) // 2
     edges = len(points) + (4 * len(rows) - inner) - len(rows) - 1               # V - E + F - T = 1 for a ball
-    assert len(nodes) == len(points) + edges and len(tets.edges(rows)) == edges
+    assert len(nodes) == len(points) + edges and len(tets.edges_of_tets(rows)) == edges
     assert np.array_equal(ten[:, :4], rows) and np.array_equal(np.unique(ten), np.arange(len(nodes)))
     for k, (i, j) in enumerate(tets.EDGES):
         assert np.array_equal(nodes[ten[:, 4 + k]], 0.5 * (points[rows[:, i]] + points[rows[:, j]]))
@@ -165,22 +167,22 @@ def test_quadratic_nodes_follow_eulers_formula_and_lie_in_the_middle_of_shared_e
 
 def test_middle_nodes_come_in_the_order_of_the_edges():
     points, rows = crumpled()
-    edges = tets.edges(rows)
-    assert np.array_equal(tets.quadratic(points, rows)[0][len(points):], points[edges].sum(axis=1) / 2)
+    edges = tets.edges_of_tets(rows)
+    assert np.array_equal(tets.ten_node_mesh(points, rows)[0][len(points):], points[edges].sum(axis=1) / 2)
     assert np.all(edges[:, 0] < edges[:, 1]) and np.all(np.diff(edges @ (len(points), 1)) > 0)
 
 
 @pytest.mark.parametrize("n", [3, 2**21 + 5])
 def test_the_surface_is_the_same_at_large_point_numbers(n):
     points, rows = block()
-    assert np.array_equal(tets.surface(rows + n), tets.surface(rows) + n)
+    assert np.array_equal(tets.tet_surface_triangles(rows + n), tets.tet_surface_triangles(rows) + n)
 
 
 @pytest.mark.parametrize("cells, most", [(1, 1), (2, 3), (3, 3), (4, 5), (9, 5)])
 def test_cells_across_are_counted_and_few_of_them_are_told(cells, most):
-    count = tets.across(lattice.box((4.0, 1.0, 1.0), (4 * cells, cells, cells))[1])
+    count = tets.cells_across_thickness(lattice.tet_box((4.0, 1.0, 1.0), (4 * cells, cells, cells))[1])
     assert count == most
-    assert bool(tets.coarse(count)) == (cells < 4)
+    assert bool(tets.describe_coarseness(count)) == (cells < 4)
 
 
 # Flaws
@@ -189,7 +191,7 @@ def planted(change):
     """Flaws of the box after `change(points, rows)`, which returns both anew."""
     points, rows = block()
     points, rows = change(points.copy(), rows.copy())
-    return repair.mend(points, rows)
+    return repair.repair_tets(points, rows)
 
 
 def put(array, at, value):
@@ -228,18 +230,18 @@ def test_tets_turned_inside_out_are_swapped_and_named():
     points, rows = crumpled()
     bad = rows.copy()
     bad[[3, 50]] = bad[[3, 50]][:, [1, 0, 2, 3]]
-    mended, turned, flaws = repair.mend(points, bad)
+    mended, turned, flaws = repair.repair_tets(points, bad)
     assert turned.tolist() == [3, 50] and flaws == []
-    assert tets.volumes(points, mended).min() > 0
+    assert tets.signed_tet_volumes(points, mended).min() > 0
     assert np.array_equal(np.sort(mended, axis=1), np.sort(rows, axis=1))
-    assert tets.volumes(points, bad)[3] < 0                                     # the argument stays as it was
+    assert tets.signed_tet_volumes(points, bad)[3] < 0                          # the argument stays as it was
 
 
 def test_many_flaws_at_once_are_counted_kind_by_kind_fatal_ones_first():
     points, rows = crumpled()
     points[rows[0, 0]] = np.nan
     rows[[20, 30]], rows[40, 0] = 2, 999
-    flaws = repair.mend(points, rows)[2]
+    flaws = repair.repair_tets(points, rows)[2]
     assert [f.fatal for f in flaws] == sorted((f.fatal for f in flaws), reverse=True)
     assert any(f.text.startswith("2 tets (first: 20) are naming a point twice") for f in flaws)
     assert any(f.text.startswith("tet 40 is") for f in flaws)
@@ -249,12 +251,12 @@ def test_many_flaws_at_once_are_counted_kind_by_kind_fatal_ones_first():
 def test_what_is_flat_depends_on_the_shape_and_not_on_the_size(scale):
     base = np.array([[0, 0, 0], [1, 0, 0], [0.5, np.sqrt(0.75), 0], [0.5, np.sqrt(1 / 12), 1]]) * scale
     for height, flaw in ((8e-6, False), (6e-6, True)):          # volume sqrt(3)/12 height edge^2: the bound is at 6.93e-6
-        flaws = repair.mend(base * (1, 1, height), [[0, 1, 2, 3]])[2]
+        flaws = repair.repair_tets(base * (1, 1, height), [[0, 1, 2, 3]])[2]
         assert bool(flaws) == flaw
 
 
 def test_a_flat_mesh_of_huge_coordinates_is_no_number_but_a_flaw():
-    assert "flat" in repair.mend(1e200 * REGULAR, [[0, 1, 2, 3]])[2][0].text
+    assert "flat" in repair.repair_tets(1e200 * REGULAR, [[0, 1, 2, 3]])[2][0].text
 
 
 @pytest.mark.parametrize("points, rows, words", [
@@ -263,7 +265,7 @@ def test_a_flat_mesh_of_huge_coordinates_is_no_number_but_a_flaw():
     (REGULAR, [0, 1, 2, 3], "tets have shape (4,)"),
     (np.array([["a"] * 3]), [[0, 1, 2, 3]], "points have shape (1, 3)")])
 def test_arrays_of_another_shape_are_refused(points, rows, words):
-    for function in (repair.mend, tets.volumes):
+    for function in (repair.repair_tets, tets.signed_tet_volumes):
         with pytest.raises(ValueError) as refused:
             function(points, rows)
         assert words in str(refused.value)
@@ -271,4 +273,4 @@ def test_arrays_of_another_shape_are_refused(points, rows, words):
 
 def test_indices_out_of_range_are_refused_by_their_tet():
     with pytest.raises(ValueError, match="tet 1 names the points"):
-        tets.volumes(REGULAR, [[0, 1, 2, 3], [0, 1, 2, 4]])
+        tets.signed_tet_volumes(REGULAR, [[0, 1, 2, 3], [0, 1, 2, 4]])

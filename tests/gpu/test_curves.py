@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.contact.test_poses import tried
-from tests.physics.fused.test_fused import staged
+from tests.physics.contact.collider.test_poses import tried
+from tests.physics.motion.fused.test_kernel_fusion import staged
 from tests.physics.motion.test_carried import FRAMES, carried
 from tests.scene.curve.test_motion import KINDS, OUTSIDE, keys, made
 from tests.scene.curve.test_usd_splines import both
-from wsim.model.launches import Launches
+from wsim.model.launches import KernelLaunches
 from wsim.physics.contact import poses
 from wsim.scene import Collider, Sphere
 from wsim.scene.curve import Curve, Motion, Part, Stack
@@ -74,7 +74,7 @@ def test_explicit_steps_see_pins_on_splines(integrator):
 def test_stages_in_one_launch_leave_the_bits(monkeypatch):
     ends = []
     for fused in (False, True):
-        monkeypatch.setattr(Launches, "fuses", fused)
+        monkeypatch.setattr(KernelLaunches, "fuses", fused)
         sim = Simulation(staged(), device="cuda:0")
         sim.run(3)
         ends.append(np.concatenate([sim.positions("/cloth"), sim.velocities("/cloth")]))

@@ -14,7 +14,7 @@ from tests.physics.joints.test_sleep import sleepy
 from tests.physics.rigid.solver.test_sleep import asleep
 from tests.physics.rigid.test_contact import Seen, ball
 from wsim.gradient.recording import Recording
-from wsim.physics.rigid.joints.joint import AXES, Drive, between, revolute
+from wsim.physics.rigid.joints.joint import AXES, Drive, joint_between, revolute_joint
 from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
@@ -50,7 +50,7 @@ def test_drives_follow_curves_within_frames_as_on_a_cpu():
 
 def test_a_thousand_pendulums_swing_alike():
     body = rod("/b", (1.0, 0.0, 0.0))
-    joint = revolute("/j", None, body, axis=(0.0, 0.0, 1.0))
+    joint = revolute_joint("/j", None, body, axis=(0.0, 0.0, 1.0))
     many, one = (start(body, joint, device=device, worlds=n) for device, n in (("cuda:0", 1000), ("cpu", 1)))
     many.run(30)
     one.run(30)
@@ -65,7 +65,8 @@ def test_limits_met_together_and_a_drive_of_bounded_force_are_those_of_a_cpu():
         thrown = {"velocity": (0.3, -0.5, 0.4), "spin": (2.0, -3.0, 4.0)}
         body = rod("/b", (0.4, 0.1, 0.2), mass=2.0, moments=(0.03, 0.05, 0.02), **thrown)
         limits = {name: (0.0, 0.0) for name in AXES} | {name: (-1e-3, 1e-3) for name in AXES[3:]}
-        joint = between("/j", None, body, at=(0.1, 0.2, -0.1), limits=limits, drives={"rotX": Drive(50.0, 1.0, 0.2, most=2.0)})
+        joint = joint_between("/j", None, body, at=(0.1, 0.2, -0.1), limits=limits,
+                              drives={"rotX": Drive(50.0, 1.0, 0.2, most=2.0)})
         sim = start(body, joint, device=device, gravity=(1.0, -9.81, 3.0))
         for _ in range(30):
             sim.step()

@@ -17,8 +17,9 @@ pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU"
 @pytest.fixture(autouse=True)
 def coloured(monkeypatch):
     """A CPU takes colours here too."""
-    chosen = forms.chosen
-    monkeypatch.setattr(forms, "chosen", lambda device, n: chosen(device, n) if device.is_cuda else forms.Form("coloured"))
+    chosen = forms.choose_pass_form
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device,
+                        n: chosen(device, n) if device.is_cuda else forms.ContactPassForm("coloured"))
 
 
 def ends(device: str, frames: int, precision: str = "float64") -> tuple[np.ndarray, bytes]:
@@ -51,7 +52,7 @@ FORMS = ("block", "cluster", "launches")
 def test_a_heap_falls_by_every_form_as_by_one_thread(name, monkeypatch):
     """Same colours, so the same sums in the same order; a blow amplifies what rounding left."""
     def run(name: str, device: str) -> np.ndarray:
-        monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+        monkeypatch.setattr(forms, "choose_pass_form", lambda device, _: forms.form_by_name(name, device))
         sim = world(*heap(), device=device, precision="float64")
         sim.run(30)
         assert check_colours(sim) > 3
@@ -61,7 +62,7 @@ def test_a_heap_falls_by_every_form_as_by_one_thread(name, monkeypatch):
 
 @pytest.mark.parametrize("name", FORMS)
 def test_a_heap_falls_the_same_to_the_bit_from_run_to_run(name, monkeypatch):
-    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, _: forms.form_by_name(name, device))
 
     def run() -> bytes:
         sim = world(*heap(), device="cuda:0", precision="float32")
@@ -72,7 +73,7 @@ def test_a_heap_falls_the_same_to_the_bit_from_run_to_run(name, monkeypatch):
 
 @pytest.mark.parametrize("name", FORMS)
 def test_two_columns_sleep_and_a_ball_wakes_one(name, monkeypatch):
-    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, _: forms.form_by_name(name, device))
     columns = [box(f"/box{x}_{k}", (20.0 * x, 0.5 + k, 0.0)) for x in range(2) for k in range(3)]
     scene = replace(world(*columns, ball("/ball", (0.0, 8.0, 0.0), rest=0.0), device="cuda:0").given, sleep_speed=0.05)
     sim = Simulation(scene, device="cuda:0")
@@ -94,7 +95,7 @@ def test_two_columns_sleep_and_a_ball_wakes_one(name, monkeypatch):
 @pytest.mark.parametrize("name", FORMS)
 def test_the_converged_mode_reaches_its_residual(name, monkeypatch):
     """Of a box that slips between others: 6e-7 m/s is the most that 4000 sweeps leave in these frames on a CPU."""
-    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, _: forms.form_by_name(name, device))
     boxes = [box(f"/box{k}", (0.0, 0.5 + k, 0.0), velocity=(2.0 * (k == 1), 0.0, 0.0)) for k in range(4)]
     scene = replace(world(*boxes, device="cuda:0").given, contact_tolerance=1e-6)
     sim = Simulation(scene, device="cuda:0", precision="float64")

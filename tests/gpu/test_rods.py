@@ -36,7 +36,7 @@ def test_a_strand_goes_where_it_does_on_a_cpu(shape):
     assert all(np.array_equal(a, b) for a, b in zip(one, fallen("cuda:0", shape), strict=True))
 
 
-TUBE, FACES = primitives.capsule(0.01, 0.01, 0.3, 24)
+TUBE, FACES = primitives.capsule_outline(0.01, 0.01, 0.3, 24)
 
 
 @pytest.mark.parametrize("shape", [Capsule(0.004, 0.3), Box((0.01, 0.01, 0.3)),
@@ -69,7 +69,7 @@ def test_a_hair_in_the_wind_goes_where_it_does_on_a_cpu():
 @pytest.mark.parametrize("few", [1, 3, 1000])
 def test_strands_of_which_some_take_long_go_where_they_do_on_a_cpu(few, monkeypatch):
     """Strands that fall on a ball: in one launch, the last 16 so, and by launches alone."""
-    monkeypatch.setattr("wsim.physics.rods.apart.FEW", few)
+    monkeypatch.setattr("wsim.physics.rods.gpu_elimination.FEW", few)
 
     def fallen(device: str) -> tuple[np.ndarray, np.ndarray, dict]:
         simulation = Simulation(on_ball(), device=device)
@@ -86,8 +86,8 @@ def test_no_strand_knows_its_place_in_the_list(monkeypatch):
     """Launches over all strands, over lists in the order of threads from the start, and from half of them on: the same bits."""
     found = []
     for half in (1000, 1, 2, 1):
-        monkeypatch.setattr("wsim.physics.rods.apart.FEW", 1000)
-        monkeypatch.setattr("wsim.physics.rods.apart.HALF", half)
+        monkeypatch.setattr("wsim.physics.rods.gpu_elimination.FEW", 1000)
+        monkeypatch.setattr("wsim.physics.rods.gpu_elimination.HALF", half)
         simulation = Simulation(on_ball(), device="cuda:0")
         simulation.run(8)
         found.append(simulation.plan.method("rods").points(0))

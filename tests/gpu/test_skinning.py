@@ -9,12 +9,12 @@ from tests.physics.animation.make import bones, lump, scene_of, skin
 from tests.physics.animation.test_dressed import clothed, seen
 from tests.physics.animation.test_skinning import nearest_faces, track
 from tools.bench.contact.skinning import character, speed
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.kernels.contact.project import SUNK
 from wsim.kernels.math import mesh_refit
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.animation.objects import DUAL, LINEAR
-from wsim.physics.animation.skinning import placed
+from wsim.physics.animation.skinning import points_over_triangles
 from wsim.scene import shapes
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
@@ -58,7 +58,8 @@ def test_what_follows_driven_joints_goes_with_their_bodies():
     for _ in range(4):
         sim.step()
         x = seen(sim, follow.skin)
-        np.testing.assert_allclose(sim.positions("/sheet")[:2], placed(x[follow.corners], follow.places), atol=3e-6)
+        np.testing.assert_allclose(sim.positions("/sheet")[:2], points_over_triangles(x[follow.corners], follow.places),
+                                   atol=3e-6)
     again = wsim.Simulation(clothed(DUAL, soft=True), device="cuda:0")
     again.run(4)
     assert np.array_equal(again.positions("/sheet"), sim.positions("/sheet"))
@@ -77,7 +78,7 @@ def test_trees_that_a_loop_fits_are_warps(sides, how, held):
     held: by boxes of the substep before, which name another one of faces that are equally near."""
     rng = np.random.default_rng(5)
     points, counts, indices = shapes.sphere(0.3, sides)
-    corners = triangulate(points, counts, indices, True)[0].astype(np.int32)
+    corners = triangulate_polygons(points, counts, indices, True)[0].astype(np.int32)
     q, way = (wp.array(rng.normal(size=(300, 3)) * 0.4, dtype=wp.vec3f, device="cuda:0") for _ in range(2))
     moved = (points * [1.0, 3.0, 0.4] + 0.05 * np.sin(9.0 * points[:, [1, 2, 0]])).astype(np.float32)
     found = []
@@ -92,14 +93,14 @@ def test_trees_that_a_loop_fits_are_warps(sides, how, held):
             shapes_of = wp.array(np.stack([0.0 * before, before, moved][1 - held:]), dtype=wp.vec3f, device="cuda:0")
             still, low, high = (wp.zeros_like(places) for _ in range(3))
             count = len(corners)
-            tree = filled(mesh_refit.FittedTree, mesh=mesh.id, track=shapes_of, low=low, high=high, deep=deep, mark=mark,
-                          wound=wound, first=0, span=1 + held)
+            tree = fill_struct(mesh_refit.FittedTree, mesh=mesh.id, track=shapes_of, low=low, high=high, deep=deep, mark=mark,
+                               wound=wound, first=0, span=1 + held)
             for substep in range(1 + held):
                 now, shape = wp.array([substep], dtype=int, device="cuda:0"), [places, still]
                 if how == "blocks":
-                    wp.launch(mesh_refit.pose(), len(points), [tree, now], shape, device="cuda:0")
-                    wp.launch(mesh_refit.bound(), count, [tree, count, now], device="cuda:0")
-                    wp.launch(mesh_refit.fit(), count, [tree, count, now], device="cuda:0")
+                    wp.launch(mesh_refit.pose_point_kernel(), len(points), [tree, now], shape, device="cuda:0")
+                    wp.launch(mesh_refit.triangle_bound_kernel(), count, [tree, count, now], device="cuda:0")
+                    wp.launch(mesh_refit.tree_fit_kernel(), count, [tree, count, now], device="cuda:0")
                 else:
                     wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [tree, now], shape, device="cuda:0",
                               block_dim=mesh_refit.BLOCK)

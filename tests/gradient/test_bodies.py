@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wsim.geometry import rotation
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Plane, Scene, SceneError, Sphere
@@ -23,7 +23,7 @@ TURNED = (0.0, np.sin(0.4), 0.0, np.cos(0.4))
 
 def placed(turn=(0.0, 0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0)) -> Motion:
     M = np.eye(4)
-    M[:3, :3], M[:3, 3] = rotation.matrix(np.array(turn)), at
+    M[:3, :3], M[:3, 3] = rotation.quaternion_to_matrix(np.array(turn)), at
     return Motion.still(M)
 
 
@@ -61,7 +61,7 @@ def loss(r: Recording, poses: dict, twists: dict) -> float:
 
 
 def slope(r: Recording, name: str, way: np.ndarray, poses: dict, twists: dict, step: float) -> float:
-    value = inputs(r, [name])[name]
+    value = inputs_by_name(r, [name])[name]
     base, losses = value.read(), []
     for k in (1, 2, 3, 4):
         for sign in (1.0, -1.0):
@@ -158,8 +158,9 @@ def test_a_free_symmetric_top_by_its_closed_form():
 
     def seen(w) -> float:
         L = np.array([I1, I1, I3]) * w
-        q = rotation.multiply(rotation.exponential(L * t / I1), rotation.exponential((1.0 / I3 - 1.0 / I1) * L[2] * t * axis))
-        R = rotation.matrix(q)
+        q = rotation.quat_product(rotation.quaternion_exponential(L * t / I1),
+                                  rotation.quaternion_exponential((1.0 / I3 - 1.0 / I1) * L[2] * t * axis))
+        R = rotation.quaternion_to_matrix(q)
         return float((R * by[:3, :3]).sum() + (R @ ((R.T @ L) / (I1, I1, I3))) @ by_spin)
     r = recorded([Body("/top", mass=1.0, center=np.zeros(3), inertia=(I1, I1, I3), spin=spin)], gravity=(0.0, 0.0, 0.0))
     found = r.backward(poses={LAST: {"/top": by}}, twists={LAST: {"/top": [np.zeros(3), by_spin]}}).value("/top", "spin")
@@ -223,7 +224,7 @@ def test_a_throw_is_found_from_poses_by_its_gradient():
     true = np.array([2.0, 0.0, 4.0, 1.0, 6.0, 0.5])
     frames = (3, 6, 9, 12)
     seen = {f: r.poses(f, "/thrown") for f in frames}
-    both = inputs(r, ["/thrown:velocity", "/thrown:spin"])
+    both = inputs_by_name(r, ["/thrown:velocity", "/thrown:spin"])
 
     def misfit(theta):
         for value, part in zip(both.values(), (theta[:3], theta[3:]), strict=True):
@@ -253,7 +254,7 @@ def test_what_is_no_derivative_of_a_body_is_refused():
         with pytest.raises(SceneError):
             both().backward(**given)
     with pytest.raises(SceneError, match="take mass"):
-        inputs(both(), ["/given:density"])
+        inputs_by_name(both(), ["/given:density"])
 
 
 def test_a_body_beside_a_cloth_that_it_can_meet_is_refused():

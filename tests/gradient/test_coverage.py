@@ -16,15 +16,15 @@ from tests.make.wheels.objects import Wheel
 from tests.physics.animation.test_dressed import clothed
 from tests.physics.animation.test_gradients import UNFOLLOWED, changed
 from wsim import Box, Plane, Simulation, Sphere
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.physics.fluid.objects import Fluid
-from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
+from wsim.physics.rigid.joints.joint import Drive, revolute_joint, spherical_joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.values import table
-from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, table_rows, text
+from wsim.scene.values.coverage import BY, COVERED, REFUSED, coverage_text, differentiable_row, table_rows
 
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
@@ -54,7 +54,8 @@ def test_the_documents_are_made_of_the_rows():
     import wsim.gradient
     page = (TESTS.parent / "wsim/docs/gradients.md").read_text(encoding="utf-8").splitlines()
     assert [row for row in table_rows() if row not in page] == []
-    assert text() in (wsim.gradient.__doc__ or "") and all(covered.what.split()[-1] in text() for covered in COVERED)
+    assert coverage_text() in (wsim.gradient.__doc__ or "") and all(covered.what.split()[-1] in coverage_text()
+                                                                    for covered in COVERED)
 
 
 @cache
@@ -67,7 +68,7 @@ def everything() -> Recording:
 
 def recordable(value) -> bool:
     """Whether there are recordings of scenes that hold its owner; of others the scene is refused."""
-    row = methods.owner(value.owner)
+    row = methods.owning_method(value.owner)
     return value.owner in PATHS and (row is None or row.gradients)
 
 
@@ -77,7 +78,7 @@ def test_a_value_without_a_derivative_is_refused_with_its_reason(value):
     path = PATHS[value.owner] or "/"
     recording = pressed() if value.owner == "Joint" else everything()
     with pytest.raises(SceneError) as said:
-        inputs(recording, [f"{path}:{value.name}"])
+        inputs_by_name(recording, [f"{path}:{value.name}"])
     (problem,) = said.value.problems
     assert problem.path == path and value.why in problem.text and value.name in problem.text
 
@@ -134,7 +135,7 @@ def resting(joint=False, mesh=False, cloth=False, sleep=0.0, tolerance=0.0) -> S
     ball = Body("/ball", [Collider("/ball/shape", Sphere(0.1))], Motion.at_place((0.0, 0.1, 0.0)))
     scene.add(ball)
     if joint:
-        scene.add(spherical("/hinge", None, ball))
+        scene.add(spherical_joint("/hinge", None, ball))
     if mesh:
         points, quads = np.array([[x, -0.5 * x * z, z] for x in (-1.0, 1.0) for z in (-1.0, 1.0)]), [[0, 1, 3], [0, 3, 2]]
         scene.collider("/rock", Surface(points, np.array([3, 3]), np.ravel(quads)))
@@ -146,8 +147,8 @@ def resting(joint=False, mesh=False, cloth=False, sleep=0.0, tolerance=0.0) -> S
 def pressed() -> Recording:
     """A drive that holds a hinge against its limit."""
     scene = alone()
-    hinge = revolute("/hinge", None, scene.things("Body")[0], low=-0.01, high=0.01, at=(0.3, 0.0, 0.0), axis=(0.0, 0.0, 1.0),
-                     drives={"rotX": Drive(1000.0, 1.0, 1.0)})
+    hinge = revolute_joint("/hinge", None, scene.things("Body")[0], low=-0.01, high=0.01, at=(0.3, 0.0, 0.0),
+                           axis=(0.0, 0.0, 1.0), drives={"rotX": Drive(1000.0, 1.0, 1.0)})
     scene.add(hinge)
     return recorded(scene, 2)
 
@@ -213,7 +214,7 @@ CASES = {
     "mass": ("/cloth", lambda: gradient(sheet("springs")).mass()),
     "lengths": ("/cloth", lambda: gradient(sheet("springs")).lengths()),
     "air": ("/cloth", lambda: gradient(sheet("springs")).air_coefficient("drag")),
-    "wind": ("wind", lambda: inputs(recorded(net()), ["wind"])),
+    "wind": ("wind", lambda: inputs_by_name(recorded(net()), ["wind"])),
     "restitution": ("/dull", lambda: everything().backward({2: {"/net": np.ones((5, 3))}})
                     .restitution("/dull")),
     "impulses": ("/ball", lambda: Simulation(resting(), device="cpu", gradients=True)),
@@ -223,24 +224,24 @@ CASES = {
     "sleep": ("/ball", lambda: Simulation(resting(sleep=0.05, tolerance=1e-9), device="cpu", gradients=True)),
     "driven": ("/hinge", lambda: pressed().backward(twists={2: {"/thrown": np.ones((2, 3))}})),
     "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
-    "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
-    "surface": ("/floor", lambda: inputs(everything(), ["/floor:surface"])),
+    "idle": ("air_drag", lambda: inputs_by_name(recorded(alone()), ["air_drag"])),
+    "surface": ("/floor", lambda: inputs_by_name(everything(), ["/floor:surface"])),
     "walls": ("/air", lambda: recorded(draped())),
     "forming": ("/ball", lambda: grown().value("/ball", "surface")),
     "layers": ("/air", lambda: recorded(layered())),
     "margin": ("/air", lambda: recorded(layered(margin=0.5))),
     "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),
-    "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
+    "still": ("/air", lambda: inputs_by_name(recorded(still()), ["/air:viscosity"])),
     "ends": ("/floor", lambda: Simulation(landing(), device="cpu", gradients=True)),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
-    "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
+    "actuation": ("/chain", lambda: inputs_by_name(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
-    **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
+    **{key: (path, lambda change=change, name=name: inputs_by_name(recorded(changed(change)), [f"/man/bones:{name}"]))
        for key, (path, change, name) in UNFOLLOWED.items()},
     "dressed": ("/man/bones", lambda: Simulation(clothed(), device="cpu", gradients=True)),
-    "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
+    "value": ("/pin", lambda: differentiable_row(net(), "/pin", "stiffness")),
 }
 
 
@@ -259,4 +260,4 @@ def test_what_is_refused_raises_with_its_words_and_path(key, monkeypatch):
 
 
 def test_rows_with_respect_to_values_name_values():
-    assert all(table.of(owner)[name].gradient for row in COVERED if row.kind == BY for owner, name in row.names())
+    assert all(table.values_of_class(owner)[name].gradient for row in COVERED if row.kind == BY for owner, name in row.names())

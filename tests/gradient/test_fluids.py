@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene import Box, Scene, SceneError, Sphere
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.values.coverage import row_of
+from wsim.scene.values.coverage import differentiable_row
 from wsim.simulation.simulation import Simulation
 
 FRAMES, CELL = 3, 0.1
@@ -88,7 +88,7 @@ def slope(r: Recording, name: str, way: np.ndarray, by: dict, size: float) -> tu
     """By central differences, and its rounding, of a step within twice of which no row is kept within other ones and no air
     comes in that did not: there the difference over twice the step is the same, to 5e-9; of the largest to 1e-9, or the one of
     which it is so best."""
-    value = inputs(r, [name])[name]
+    value = inputs_by_name(r, [name])[name]
     base, found = value.read(), []
     for step in size * 10.0 ** np.array([-4.0, -4.5, -5.0, -5.5, -6.0, -6.5]):
         losses = []
@@ -129,7 +129,7 @@ def compared(r: Recording, by: dict, name: str, rel: float = 1e-8) -> None:
     way = np.random.default_rng(seed).normal(size=found.shape) if found.ndim else np.ones(())
     if what in ("velocity", "gravity", "wind", "place", "acceleration") and r.fluids.method.layouts[0].dim == 2:
         way[..., 2] = 0.0
-    expected, noise = slope(r, name, way, by, 20.0 * inputs(r, [name])[name].scale())
+    expected, noise = slope(r, name, way, by, 20.0 * inputs_by_name(r, [name])[name].scale())
     assert abs(expected) > 1e3 * noise or abs(expected) > 1e-5
     assert float((found * way).sum()) == pytest.approx(expected, rel=rel, abs=noise)
 
@@ -219,7 +219,7 @@ def test_worlds_are_apart():
 def test_what_says_how_a_fluid_is_solved_is_refused_with_its_reason():
     for name in ("cell", "density", "tolerance", "cfl"):
         with pytest.raises(SceneError, match=f"has no derivative with respect to {name}: it says how a fluid is solved"):
-            row_of(air(), "/air", name)
+            differentiable_row(air(), "/air", name)
 
 
 def test_a_value_of_which_nothing_runs_is_refused():
@@ -228,7 +228,7 @@ def test_a_value_of_which_nothing_runs_is_refused():
     for name, why in (("/air:viscosity", "it is 0 at the start"), ("/fire:velocity", "it leaves the air alone"),
                       ("/fire:expansion", "it is 0 of all sources")):
         with pytest.raises(SceneError, match=f"nothing of its .* runs: {why}"):
-            inputs(r, [name])
+            inputs_by_name(r, [name])
         with pytest.raises(SceneError, match=why):
             r.backward(fluids=by).value(*name.split(":"))
 
@@ -251,7 +251,7 @@ def test_a_source_over_time_makes_the_plume_that_is_wanted():
     scene = plume(9, viscosity=0.0)
     scene.others["Source"][0].strength = Curve(keys, np.ones(5))
     r = recorded(scene, 9)
-    (strength,) = inputs(r, ["/fire:strength"]).values()
+    (strength,) = inputs_by_name(r, ["/fire:strength"]).values()
     strength.write(wanted)
     r.run()
     seen = {f: r.fluid(f, "/air")["smoke"] for f in frames}

@@ -10,7 +10,7 @@ from tests.simulation.test_ties import laid
 from wsim.gradient import checkpoints
 from wsim.gradient.recording import Recording
 from wsim.scene import Cloth, Pin, Scene, SceneError, Soft, Springs, shapes
-from wsim.scene.check.sharp import meets
+from wsim.scene.check.sharp import has_edge_contacts
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.scene.solid import Bulk
@@ -45,7 +45,7 @@ class Run:
         parts = [sign * k * step for k in range(1, 5) for sign in (1, -1)]
         solved = self.scene.solver == "implicit"         # to the residual that recordings reach
         sim = Simulation(self.scene, device="cpu", precision="float64", worlds=len(parts),
-                         gradients=solved or meets(self.scene))
+                         gradients=solved or has_edge_contacts(self.scene))
         for world, s in enumerate(parts):
             sim.set(*values(s), world)
         Recording(sim, self.frames).run() if solved else sim.run(self.frames)

@@ -5,7 +5,7 @@ import pytest
 
 from tests.conftest import first_and_slow
 from wsim.geometry import rotation
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.scene import Scene, SceneError, Sphere, shapes
@@ -52,7 +52,8 @@ def struck(solver: str, how: dict, turned: bool = False) -> Scene:
     way[:, normal] += 0.02
     turns = None
     if turned:
-        turns = rotation.exponential(np.array([[0.0, 0.1, 0.2], [0.3, 0.0, -0.1], [-0.2, 0.4, 0.1], [0.0, 0.0, 0.0]]))
+        turns = rotation.quaternion_exponential(np.array([[0.0, 0.1, 0.2], [0.3, 0.0, -0.1], [-0.2, 0.4, 0.1],
+                                                          [0.0, 0.0, 0.0]]))
     scene.collider("/ball", Sphere(0.1), motion=Motion.through(TIMES, low + way, turns, **how))
     return scene
 
@@ -156,7 +157,7 @@ def test_gradients_of_a_simulation_that_solves_its_contacts_are_those_of_the_rec
 def test_what_a_path_has_not_is_refused_with_what_would_have_it(name, how, said):
     recording = Recording(Simulation(pinned("xpbd", how, False), device="cpu", precision="float64", gradients=True), 1)
     with pytest.raises(SceneError, match=said):
-        inputs(recording, [f"/pin:{name}"])
+        inputs_by_name(recording, [f"/pin:{name}"])
 
 
 def test_turns_that_are_set_are_read_and_go_behind_those_that_were():

@@ -7,7 +7,7 @@ from tests.gradient.test_gradients import bar, leapfrog, net, sheet
 from tests.simulation.test_ties import laid
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import FEW, SIZES, Rollout
-from wsim.gradient.rollout.richardson import derivative, offsets, order
+from wsim.gradient.rollout.richardson import richardson_derivative, richardson_offsets, richardson_order
 from wsim.scene import Pin, SceneError
 from wsim.scene.curve import Motion
 from wsim.scene.integrator import TABLE
@@ -108,7 +108,7 @@ def test_hessians_are_symmetric_and_errors_are_named(key):
 def test_what_is_extrapolated_has_an_error_that_is_no_less_than_the_true_one(sizes, side):
     """Of functions with known derivatives, for both numbers of step sizes, from both sides or from one."""
     for function, slope in ((np.exp, 1.0), (np.sin, 1.0), (lambda s: 1.0 / (1.3 + s), -1.0 / 1.69), (np.cbrt, np.inf)):
-        value, error = derivative(function(0.3 * offsets(sizes, side))[:, None], 0.3, side)
+        value, error = richardson_derivative(function(0.3 * richardson_offsets(sizes, side))[:, None], 0.3, side)
         if np.isfinite(slope):
             rounding = 1e-12 if side else 1e-13               # of the smallest step, h / 1024 of one side
             assert abs(value[0] / slope - 1.0) < error + rounding and error < (1e-2 if sizes == FEW else 1e-7)
@@ -118,10 +118,10 @@ def test_what_is_extrapolated_has_an_error_that_is_no_less_than_the_true_one(siz
 
 @pytest.mark.parametrize("side", [0, 1, -1])
 def test_differences_are_exact_for_polynomials_of_their_order(side):
-    at = offsets(FEW, side)
+    at = richardson_offsets(FEW, side)
     assert len(at) == 2 * FEW and (side == 0 or (side * at >= 0.0).all())
-    for degree in range(1, order(FEW, side) - 1):             # two neighbours in the tableau are
-        value, error = derivative(at[:, None]**degree + 0.3, 1.0, side)
+    for degree in range(1, richardson_order(FEW, side) - 1):  # two neighbours in the tableau are
+        value, error = richardson_derivative(at[:, None]**degree + 0.3, 1.0, side)
         assert abs(value[0] - (degree == 1)) < 1e-13
 
 

@@ -6,7 +6,7 @@ import pytest
 from tests.gradient.test_gradients import net
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.gradient.rollout.smoothed import _judged, trust
+from wsim.gradient.rollout.smoothed import _judge_slopes, trust
 from wsim.scene import Box, Scene, SceneError, Springs
 from wsim.simulation.simulation import Simulation
 
@@ -54,11 +54,11 @@ def test_a_branch_at_an_edge_is_not_trustworthy():
 def test_verdicts_follow_from_the_numbers():
     """A step of height 1 at the middle: E[s sign(s)] / (2 sigma) = sqrt(2/pi) / (2 sigma), where the exact slope is 0."""
     draws = np.random.default_rng(1).normal(size=4000)
-    step = _judged("x", 0.0, np.sign(draws), draws, 0.5, 0.1)
+    step = _judge_slopes("x", 0.0, np.sign(draws), draws, 0.5, 0.1)
     assert step.verdict == "differ" and step.smoothed == pytest.approx((2 / np.pi) ** 0.5, abs=4 * step.error)
-    line = _judged("x", 3.0, 2.0 * 3.0 * 0.5 * draws, draws, 0.5, 0.1)
+    line = _judge_slopes("x", 3.0, 2.0 * 3.0 * 0.5 * draws, draws, 0.5, 0.1)
     assert line.verdict == "agree" and line.smoothed == pytest.approx(3.0) and line.error < 1e-12
-    rare = _judged("x", 0.0, np.where(draws > 3.0, 1.0, 0.0)[:50], draws[:50], 0.5, 0.1)
+    rare = _judge_slopes("x", 0.0, np.where(draws > 3.0, 1.0, 0.0)[:50], draws[:50], 0.5, 0.1)
     assert rare.verdict == "agree" and rare.smoothed == 0.0            # what no sample meets is not seen
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.model.arena import Slots
-from wsim.model.structs import filled
+from wsim.model.arena import ArraySlots
+from wsim.model.structs import fill_struct
 from wsim.model.tape import Tape
-from wsim.model.vjp import fixed, of_table
+from wsim.model.vjp import fixed_adjoint, of_table
 from wsim.scene import Scene
 from wsim.simulation.simulation import Simulation
 
@@ -34,13 +34,13 @@ def test_an_array_of_a_struct_that_is_written_over_keeps_its_derivative():
     start, factor, weight = 1.0 + 0.1 * rng.normal(size=(3, n, 3))
     x = wp.array(start, dtype=wp.vec3d, device="cpu")
     c = wp.array(factor, dtype=wp.vec3d, device="cpu", requires_grad=True)
-    tape, at = Tape(Slots(wp.get_device("cpu"), wp.float64), []), filled(Read, x=x, c=c)
+    tape, at = Tape(ArraySlots(wp.get_device("cpu"), wp.float64), []), fill_struct(Read, x=x, c=c)
     tape.write(x, True)                                  # the tape knows it, as methods' arrays are known after their first use
     tape.begin()
     for _ in range(3):
         tape.launch(multiply, n, [at], [x], device="cpu")
     tape.finish()
-    constant = filled(Read, c=c)
+    constant = fill_struct(Read, c=c)
     assert tape.read(constant) is constant and at.x is x
     assert x.numpy() == pytest.approx(factor**7 * start**8, rel=1e-14)
     (root,) = tape.roots
@@ -54,7 +54,7 @@ def test_a_kernel_with_an_entry_in_the_table_has_that_adjoint():
     """An entry that hands on three times what it gets, and is asked once a launch, before anything is read."""
     n, asked = 4, []
     x = wp.array(np.ones((n, 3)), dtype=wp.vec3d, device="cpu")
-    at = filled(Read, x=x, c=wp.array(np.ones((n, 3)), dtype=wp.vec3d, device="cpu", requires_grad=True))
+    at = fill_struct(Read, x=x, c=wp.array(np.ones((n, 3)), dtype=wp.vec3d, device="cpu", requires_grad=True))
 
     def record(inputs: list):
         asked.append(inputs)
@@ -63,7 +63,7 @@ def test_a_kernel_with_an_entry_in_the_table_has_that_adjoint():
             read[0].x.grad.assign(3.0 * wrote[0].grad.numpy())
             wrote[0].grad.zero_()                        # a write takes its gradient away
         return backward
-    tape = Tape(Slots(wp.get_device("cpu"), wp.float64), [], vjp={multiply: record})
+    tape = Tape(ArraySlots(wp.get_device("cpu"), wp.float64), [], vjp={multiply: record})
     tape.write(x, True)
     tape.begin()
     for _ in range(2):
@@ -75,8 +75,9 @@ def test_a_kernel_with_an_entry_in_the_table_has_that_adjoint():
     assert tape.roots[0].carried.numpy() == pytest.approx(45.0) and at.c.grad.numpy() == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("solver, known", [("explicit", {"leap"}), ("xpbd", {"predict_euler", "finish_euler"}),
-                                           ("implicit", {"predict_euler", "finish_euler"})])
+@pytest.mark.parametrize("solver, known", [("explicit", {"leapfrog_kernel"}),
+                                           ("xpbd", {"euler_prediction_kernel", "euler_finish_kernel"}),
+                                           ("implicit", {"euler_prediction_kernel", "euler_finish_kernel"})])
 def test_kernels_have_entries_where_gradients_are_asked_for(solver, known):
     scene = Scene(solver=solver, integrator="leapfrog" if solver == "explicit" else "backward_euler")
     scene.pin("/pin", scene.net("/net", [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0, 1]], [10.0], [1.0, 1.0]), [0])
@@ -88,5 +89,5 @@ def test_kernels_have_entries_where_gradients_are_asked_for(solver, known):
 def test_two_tables_that_share_a_kernel_have_an_adjoint_each():
     model, tables = SimpleNamespace(vjp={}), [object() for _ in range(3)]
     for name, table in zip("ab", tables, strict=False):
-        model.vjp |= of_table(model, multiply, table, fixed(name))
+        model.vjp |= of_table(model, multiply, table, fixed_adjoint(name))
     assert [model.vjp[multiply]([table]) for table in tables[:2]] == ["a", "b"]

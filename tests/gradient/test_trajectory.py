@@ -8,7 +8,7 @@ from tests.gradient.test_gradients import bar, net, sheet
 from tests.physics.solver.test_xpbd_adjoint import SWEEPS
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.model.launches import Launches
+from wsim.model.launches import KernelLaunches
 from wsim.scene import SceneError
 from wsim.simulation.simulation import Simulation
 
@@ -43,7 +43,7 @@ def test_positions_are_the_bits_of_a_simulation(scene):
 def test_so_they_are_of_one_without_gradients(scene, monkeypatch):
     """But for springs, and membranes by XPBD, whose strains are taken beyond float32 where gradients are asked for
     (kernels/math/compensated.py), and what explicit steps of a CPU take in packets: here they go launch by launch."""
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     recording, found = pair(scene, plain=True)
     assert all(np.array_equal(recording.positions(frame), x) for frame, (x, _) in enumerate(found))
 

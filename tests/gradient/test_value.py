@@ -11,12 +11,12 @@ from tests.gradient import test_bodies, test_fluids, test_paths
 from tests.gradient.rigid import test_contacts, test_joints
 from tests.physics.animation.test_gradients import held
 from wsim import Bulk, Fabric, Plane, Simulation, Sphere
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Scene, shapes
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.nodal.loads import between
+from wsim.scene.nodal.loads import surface_triangles_among
 from wsim.scene.values.coverage import BY, COVERED
 
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "/",
@@ -44,7 +44,7 @@ def everything() -> Scene:
     scene.pin("/pin", "/net", [0])
     scene.add(Body("/thrown", mass=1.0, center=np.zeros(3), inertia=np.ones(3)))
     scene.force("/push", "/net", [3, 4], (0.02, -0.1, 0.03))
-    scene.traction("/drag", cloth, between(cloth, range(8)), (1.0, -2.0, 0.5))
+    scene.traction("/drag", cloth, surface_triangles_among(cloth, range(8)), (1.0, -2.0, 0.5))
     return scene
 
 
@@ -184,7 +184,7 @@ def test_every_value_has_the_slope_of_differences(column, owner, name):
     by = weights(r)
     found = np.asarray(r.backward(**{what: {r.frames: each} for what, each in by.items()}).value(path, name))
     name_ = f"{path}:{name}".removeprefix("/:")
-    value = inputs(r, [name_])[name_]
+    value = inputs_by_name(r, [name_])[name_]
     base, losses = value.read(), {}
     way = np.random.default_rng(8).normal(size=base.shape) if base.ndim else np.ones(())
     step = step_of(value, key) / float(np.abs(way).max())

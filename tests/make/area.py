@@ -12,13 +12,13 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry import topology
-from wsim.kernels.cloth.constraint import Constraint, inverse
-from wsim.model.model import Body
+from wsim.kernels.cloth.constraint import Constraint, inverse_or_zero
+from wsim.model.model import PointBody
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.kind import Kind, Row
+from wsim.physics.cloth.kind import ClothConstraintKind, KindRow
 from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
-from wsim.scene.values.value import Range, Theta, Value
+from wsim.scene.values.value import ThetaMap, ValueRange, ValueRow
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,18 @@ def area(X: Any, A0: Any):
     half = type(A0)(0.5)
     N = wp.cross(X[0], X[1])
     size = wp.length(N)
-    n = (half * inverse(size)) * N
+    n = (half * inverse_or_zero(size)) * N
     return half * size - A0, wp.matrix_from_rows(wp.cross(X[1], n), wp.cross(n, X[0]))
 
 
-def areas(body: Body, pinned: np.ndarray) -> list[Constraints]:
+def areas(body: PointBody, pinned: np.ndarray) -> list[Constraints]:
     assert isinstance(body.source, Cloth)
     film = body.source.material
-    rest = topology.areas(body.rest, body.triangles - body.first)
+    rest = topology.triangle_areas(body.rest, body.triangles - body.first)
     return [Constraints("area", body.triangles, rest, np.ones(len(rest)), {"area": np.array([film.area])}, film.damping)]
 
 
-KIND = Kind(Constraint("area", area, 3, 1, "m^2", "m^3/N"), areas)
-VALUE = Value("Cloth", "area", "N/m^3", Range(strict=True), varies=True, stiffens=True, fit=Theta("log"), gradient="material")
-ROW = Row("tests.make.area", lambda source: getattr(getattr(source, "material", None), "area", 0.0) > 0.0)
+KIND = ClothConstraintKind(Constraint("area", area, 3, 1, "m^2", "m^3/N"), areas)
+VALUE = ValueRow("Cloth", "area", "N/m^3", ValueRange(strict=True), varies=True, stiffens=True, fit=ThetaMap("log"),
+                 gradient="material")
+ROW = KindRow("tests.make.area", lambda source: getattr(getattr(source, "material", None), "area", 0.0) > 0.0)

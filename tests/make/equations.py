@@ -2,6 +2,6 @@
 and one that is a file of tests (tests/make/area.py)."""
 
 from tests.make.area import KIND
-from wsim.physics.cloth.kind import TABLE, row
+from wsim.physics.cloth.kind import TABLE, kind_row
 
-EQUATIONS = {name: row(name).equation for name in TABLE} | {KIND.name: KIND.equation}
+EQUATIONS = {name: kind_row(name).equation for name in TABLE} | {KIND.name: KIND.equation}

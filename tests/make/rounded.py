@@ -11,8 +11,8 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry import primitives
-from wsim.kernels.contact.shape import radial
-from wsim.scene.solids import Solid, even
+from wsim.kernels.contact.collider.shape import radial_distance
+from wsim.scene.solids import ShapeRow, is_uniform_scale
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Rounded:
 @wp.func
 def formula(size: Any, q: Any):
     zero = type(q[0])(0.0)
-    rho, out = radial(q)
+    rho, out = radial_distance(q)
     up = type(q)(zero, zero, wp.sign(q[2]))
     a = rho - (size[0] - size[2])
     b = wp.abs(q[2]) - (size[1] - size[2])
@@ -51,12 +51,13 @@ def outline(parameters, sides: int) -> primitives.Outline:
     R, H, r = parameters
     angle = np.linspace(0.0, 0.5 * np.pi, sides // 8 + 1)
     rim = np.stack([R - r + r * np.sin(angle), -(H - r) - r * np.cos(angle)], axis=1)
-    return primitives.lathe([(0.0, -H), *rim, *(rim[::-1] * (1.0, -1.0)), (0.0, H)], sides)
+    return primitives.surface_of_revolution([(0.0, -H), *rim, *(rim[::-1] * (1.0, -1.0)), (0.0, H)], sides)
 
 
-ROW = Solid("rounded", Rounded, ball=lambda s: float(np.hypot(s.radius, s.half_height)), curvature=lambda s: s.rim,
-            distance=distance, usd={"ToyRoundedAPI": ("radius", "height", "toy:rim")}, written=("Cylinder", "ToyRoundedAPI"),
-            read=lambda radius, height, rim: (radius, height / 2.0, rim),
-            scaled=lambda p, scale: Rounded(*(float(v * abs(scale[0])) for v in p)) if even(scale, (1, 2)) else None,
-            outline=outline, write=lambda s: {"radius": s.radius, "height": 2.0 * s.half_height, "toy:rim": s.rim},
-            given=lambda s: (s.radius, s.half_height, s.rim), formula="tests.make.rounded:formula")
+ROW = ShapeRow("rounded", Rounded, ball=lambda s: float(np.hypot(s.radius, s.half_height)), curvature=lambda s: s.rim,
+               distance=distance, usd={"ToyRoundedAPI": ("radius", "height", "toy:rim")}, written=("Cylinder", "ToyRoundedAPI"),
+               read=lambda radius, height, rim: (radius, height / 2.0, rim),
+               scaled=lambda p,
+               scale: Rounded(*(float(v * abs(scale[0])) for v in p)) if is_uniform_scale(scale, (1, 2)) else None,
+               outline=outline, write=lambda s: {"radius": s.radius, "height": 2.0 * s.half_height, "toy:rim": s.rim},
+               given=lambda s: (s.radius, s.half_height, s.rim), formula="tests.make.rounded:formula")

@@ -6,11 +6,11 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry.tetra import tets
-from wsim.geometry.tetra.lattice import box
+from wsim.geometry.tetra.lattice import tet_box
 from wsim.kernels.cloth.hessian import elements_of
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import fem, fem10
-from wsim.kernels.soft.material import lame
+from wsim.kernels.soft.material import lame_parameters
 from wsim.kernels.solver import line_search
 
 E, NU, TAU = 1e5, 0.3, 0.01
@@ -22,15 +22,15 @@ class TetBox:
 
     def __init__(self, material: str, real=wp.float64, cells=(3, 2, 2), *, nodes: int = 4, size=SIZE, nu: float = NU):
         self.material, self.real, self.t, self.nodes = material, real, types(real), nodes
-        points, corners = box(size, cells)
-        self.points, self.tets = (points, corners) if nodes == 4 else tets.quadratic(points, corners)
+        points, corners = tet_box(size, cells)
+        self.points, self.tets = (points, corners) if nodes == 4 else tets.ten_node_mesh(points, corners)
         self.pairs, self.of = list(combinations(range(nodes), 2)), fem if nodes == 4 else fem10
-        self.batch, t, count, (mu, lam) = self.of.elements(real)(), self.t, len(corners), lame(E, nu)
+        self.batch, t, count, (mu, lam) = self.of.elements(real)(), self.t, len(corners), lame_parameters(E, nu)
         at = points[corners]
         self.batch.point = wp.array(self.tets, dtype=wp.vec4i if nodes == 4 else int, device="cpu")
         self.batch.edge = self.array(at[:, 1:] - at[:, :1], t.mat33)
-        self.batch.gradient = self.array(tets.gradients(points, corners)[:, 1:], t.mat33)
-        self.batch.volume = self.array(tets.volumes(points, corners), real)
+        self.batch.gradient = self.array(tets.barycentric_gradients(points, corners)[:, 1:], t.mat33)
+        self.batch.volume = self.array(tets.signed_tet_volumes(points, corners), real)
         self.batch.mu, self.batch.lam, self.batch.tau = (self.array(np.full(count, v), real) for v in (mu, lam, TAU))
         self.x = self.array(self.points, t.vec3)
         self.q = wp.zeros(count if nodes == 4 else 4 * count, dtype=t.quat, device="cpu")      # one a point of quadrature
@@ -61,7 +61,7 @@ class TetBox:
 
     def change(self, u, p, rate=0.0, a=None) -> float:
         """Of energy (and, with the anchor a, damping) from u to u + p."""
-        t, trial = self.t, line_search.Trial()
+        t, trial = self.t, line_search.LineSearchTrial()
         trial.first = wp.array([0, len(self.tets)], dtype=int, device="cpu")
         trial.lanes, trial.begin, trial.end = 1, 0, 1
         trial.step = wp.array([-1.0], dtype=wp.float64, device="cpu")

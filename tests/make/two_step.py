@@ -10,8 +10,8 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.real import differentiable, types
-from wsim.kernels.motion.points import constants, finish_bdf2
+from wsim.kernels.math.real import has_adjoint, types
+from wsim.kernels.motion.points import bdf2_finish_kernel, point_constants
 from wsim.physics.motion.points import Multistep
 from wsim.scene.integrator import Integrator
 
@@ -23,9 +23,9 @@ ROW = Integrator("two_step", 1, "every h", g=1.0 - C, nodes=(1.0,), memory=C, me
 @cache
 def predict_two_step(real, module):
     """Kernel: anchor and unconstrained displacement."""
-    t, Constants, c = types(real), constants(real), real(C)
+    t, Constants, c = types(real), point_constants(real), real(C)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=has_adjoint(module))
     def predict_two_step(table: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), s: wp.array(dtype=t.vec3),
                          u: wp.array(dtype=t.vec3), g: real,
                          a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
@@ -40,4 +40,4 @@ def predict_two_step(real, module):
 
 class TwoStep(Multistep):
     def make(self, real, module: str) -> None:
-        self.kernels |= {"on": predict_two_step(real, module), "end": finish_bdf2(real, module)}
+        self.kernels |= {"on": predict_two_step(real, module), "end": bdf2_finish_kernel(real, module)}

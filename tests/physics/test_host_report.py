@@ -11,7 +11,7 @@ import warp as wp
 
 from wsim.model.compiler import variants
 from wsim.physics.cloth.kinds import stored as cloth
-from wsim.physics.contact import Bodies, Contacts, depth
+from wsim.physics.contact import CollidablePoints, ColliderContacts, depth
 from wsim.physics.soft import stored as soft
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Motion
@@ -45,10 +45,10 @@ def test_depths_on_the_host_are_those_of_kernels(kind, monkeypatch):
     x, faces, w = x.reshape(-1, 3), np.arange(600, dtype=np.int32).reshape(-1, 3), (rng.random(600) > 0.1).astype(float)
     for n in range(0, 200, 20):                          # a few at a time: each has a deepest of its own
         some = slice(3 * n, 3 * n + 60)
-        bodies = Bodies([[Collider("/solid", SHAPES[kind], Motion.still(TURNED), thickness=0.01)]], np.zeros((1, 3)),
-                        np.zeros(60, np.int32), w[some], np.full(60, 0.02), np.zeros((60, 2)), faces[:20], np.zeros(1),
-                        np.full(1, 0.02))
-        contacts = Contacts(bodies, device="cpu", real=wp.float64, substeps=1, dt=0.1)
+        bodies = CollidablePoints([[Collider("/solid", SHAPES[kind], Motion.still(TURNED), thickness=0.01)]], np.zeros((1, 3)),
+                                  np.zeros(60, np.int32), w[some], np.full(60, 0.02), np.zeros((60, 2)), faces[:20],
+                                  np.zeros(1), np.full(1, 0.02))
+        contacts = ColliderContacts(bodies, device="cpu", real=wp.float64, substeps=1, dt=0.1)
         contacts.prepare(0.0)
         X = x[some].reshape(-1, 3, 3)
         edge = np.linalg.norm(X - np.roll(X, 1, axis=1), axis=2).max()
@@ -157,5 +157,5 @@ def test_warp_still_asks_whether_a_kernel_may_have_two_variants():
     """Where it does not, nothing is left out, and each scene takes a third longer to compile."""
     from warp._src import codegen
     assert callable(getattr(codegen, variants.QUESTION))
-    with variants.single():
+    with variants.single_variant():
         assert getattr(codegen, variants.QUESTION)(None, 1) is False

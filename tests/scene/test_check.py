@@ -9,7 +9,7 @@ import pytest
 from tests.conftest import grid
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.check import objects
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve, Motion
 
 
@@ -21,7 +21,7 @@ def test_a_sound_scene_has_no_problem(scene):
     scene.collider("/floor", Plane(), at=(0, -2, 0))
     scene.collider("/pill", Capsule(0.2, 0.0))
     scene.net("/net", [[0, 0, 0.5], [0, 0, 1]], [[0, 1]], [10.0], [1.0])
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_seams_of_a_collider_are_no_fault(scene):
@@ -29,9 +29,9 @@ def test_seams_of_a_collider_are_no_fault(scene):
     points, counts, indices = grid()
     apart = np.asarray(points)[indices], counts, np.arange(len(indices))
     scene.collider("/wall", Surface(*apart))
-    assert check(scene) == []
+    assert check_scene(scene) == []
     scene.cloth("/torn", *apart)
-    assert {p.path for p in check(scene)} == {"/torn"}
+    assert {p.path for p in check_scene(scene)} == {"/torn"}
 
 
 MISTAKES = {
@@ -88,7 +88,7 @@ MISTAKES = {
 def test_a_mistake_is_an_error_at_its_path(scene, what):
     spoil, path, words = MISTAKES[what]
     spoil(scene)
-    found = [p for p in check(scene) if p.fatal]
+    found = [p for p in check_scene(scene) if p.fatal]
     assert any(p.path == path and words in p.text for p in found), found
 
 
@@ -106,7 +106,7 @@ ODD = {
 def test_what_is_odd_is_a_warning_at_its_path(scene, what):
     spoil, path, words = ODD[what]
     spoil(scene)
-    found = check(scene)
+    found = check_scene(scene)
     assert not any(p.fatal for p in found), found
     assert any(p.path == path and words in p.text for p in found), found
 
@@ -121,29 +121,29 @@ def two_sheets(gap: float) -> tuple:
 def test_a_piece_without_a_pin_is_named(scene):
     scene.cloths.clear()
     scene.cloth("/cloth", *two_sheets(0.2))
-    assert any("1 of its 2 separate pieces" in p.text for p in check(scene))
+    assert any("1 of its 2 separate pieces" in p.text for p in check_scene(scene))
     scene.pin("/other", "/cloth", [20])
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_a_welded_seam_joins_the_pieces(scene):
     scene.cloths.clear()
     cloth = scene.cloth("/cloth", *two_sheets(1e-4))
-    assert any("separate pieces" in p.text for p in check(scene))
+    assert any("separate pieces" in p.text for p in check_scene(scene))
     cloth.weld = 1e-3
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_soft_pins_leave_the_points_free(scene):
     scene.pin("/soft", "/cloth", range(16), stiffness=100.0)
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_several_mistakes_are_reported_together_and_errors_come_first():
     scene = Scene(substeps=0, gravity=(0.0, -981.0, 0.0))
     scene.cloth("/a", *grid(), model="jelly")
     scene.pin("/p", "/b", [0])
-    found = check(scene)
+    found = check_scene(scene)
     assert {p.path for p in found if p.fatal} == {"/", "/a", "/p"}
     assert [p.fatal for p in found] == sorted((p.fatal for p in found), reverse=True)
 
@@ -157,10 +157,10 @@ def test_a_list_of_length_0_is_a_wrong_length_and_no_crash(field):
     scene = Scene()
     sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 3, 3))
     setattr(sheet, field, np.zeros((0, 3) if field in ("velocities", "rest_points") else 0, np.float32))
-    assert any(p.fatal and p.text.startswith("0 ") and "allowed: 16" in p.text for p in check(scene))
+    assert any(p.fatal and p.text.startswith("0 ") and "allowed: 16" in p.text for p in check_scene(scene))
 
 
 def test_damping_far_longer_than_a_substep_is_warned_of(scene):
     scene.cloths[0].material = replace(scene.cloths[0].material, damping=1.0)
-    (found,) = [p for p in check(scene) if "damping is 1 s" in p.text]
+    (found,) = [p for p in check_scene(scene) if "damping is 1 s" in p.text]
     assert not found.fatal and "less damping" in found.text

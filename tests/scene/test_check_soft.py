@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wsim.scene import Plane, Scene, Skin, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.scene.solid import Bulk
 
@@ -60,15 +60,15 @@ def test_a_sound_body_has_no_problem(scene):
     soft = scene.softs[0]
     soft.others, soft.which, soft.filled = [Bulk(young=1e4)], np.arange(T) % 2, np.full(T, 0.0, np.float32)
     soft.masses, soft.mass = np.ones(N, np.float32), 3.0
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_a_mirrored_body_is_sound_when_its_tets_are_turned(scene):
     soft = scene.softs[0]
     soft.motion = scaled(-1.0)
-    assert any("320 of its 320 tets are turned inside out" in p.text for p in check(scene))
+    assert any("320 of its 320 tets are turned inside out" in p.text for p in check_scene(scene))
     soft.tets = soft.tets[:, [0, 1, 3, 2]]
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 MISTAKES = {
@@ -111,7 +111,7 @@ MISTAKES = {
 def test_a_mistake_is_an_error_at_its_path(scene, what):
     change, path, words = MISTAKES[what]
     change(scene)
-    found = [p for p in check(scene) if p.fatal]
+    found = [p for p in check_scene(scene) if p.fatal]
     assert any(p.path == path and words in p.text for p in found), found
 
 
@@ -142,7 +142,7 @@ ODD = {
 def test_what_is_odd_is_a_warning_at_its_path(scene, what):
     change, words = ODD[what]
     change(scene)
-    found = check(scene)
+    found = check_scene(scene)
     assert not any(p.fatal for p in found), found
     assert any(p.path == "/body/sim" and words in p.text for p in found), found
 
@@ -150,16 +150,16 @@ def test_what_is_odd_is_a_warning_at_its_path(scene, what):
 def test_points_of_no_tet_do_not_count_as_free(scene):
     with_a_point((0.1, 0.1, 0.1))(scene)
     scene.pin("/pin", "/body/sim", range(N))
-    assert any("all 125 points are pinned" in p.text for p in check(scene) if p.fatal)
+    assert any("all 125 points are pinned" in p.text for p in check_scene(scene) if p.fatal)
 
 
 def test_a_start_that_is_inverted_is_no_mistake(scene):
     """Only the rest shape must have volumes: the start may be pressed flat, or turned inside out."""
     soft = scene.softs[0]
     soft.rest_points, soft.points = soft.points.copy(), soft.points * np.float32([1, -1, 1])
-    assert check(scene) == []
+    assert check_scene(scene) == []
     soft.points = soft.points * np.float32([1, 0, 1])
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_a_piece_without_a_pin_is_named(scene):
@@ -167,7 +167,7 @@ def test_a_piece_without_a_pin_is_named(scene):
     scene.softs.clear()
     scene.soft("/two", np.concatenate([points, points + (2, 0, 0)]), np.concatenate([tets, tets + len(points)]))
     scene.pin("/pin", "/two", [0])
-    (found,) = check(scene)
+    (found,) = check_scene(scene)
     assert not found.fatal and "1 of its 2 separate pieces are held by no pin" in found.text
 
 
@@ -175,5 +175,5 @@ def test_a_body_without_points_is_an_error():
     """It was a ValueError of NumPy."""
     scene = Scene()
     scene.soft("/jelly", np.zeros((0, 3)), np.zeros((0, 4), int))
-    (problem,) = check(scene)
+    (problem,) = check_scene(scene)
     assert str(problem).startswith("error: /jelly: it has no points; allowed: a tet and its four points")

@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from wsim.scene.fabric import FABRICS, Fabric, bend_of_fibres, fabric, isotropic
+from wsim.scene.fabric import FABRICS, Fabric, bend_of_fibres, fabric, isotropic_fabric
 
 GRAVITY = 9.81
 
@@ -43,7 +43,7 @@ def test_isotropic_presets_are_one_material_of_one_thickness(name):
 
 
 def test_isotropic_sheet_of_round_figures():
-    f = isotropic(12.0e6, 0.0, 1.0e-3, 1000.0)
+    f = isotropic_fabric(12.0e6, 0.0, 1.0e-3, 1000.0)
     assert (f.stretch, f.shear) == (pytest.approx(12.0e3), pytest.approx(6.0e3)) and f.bend == pytest.approx(1.0e-3)
 
 

@@ -6,9 +6,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Scene, SceneError, Skin, Soft, shapes
 from wsim.scene.curve import Motion
-from wsim.scene.nodal.skin import held, hold
+from wsim.scene.nodal.skin import embed_all_skins, embed_skin
 from wsim.usd.result.recorder import Recorder
-from wsim.usd.result.restart import Result, load_restart
+from wsim.usd.result.restart import ResultReader, load_restart
 
 EPS = np.finfo(np.float32).eps
 TETS, SKIN = "/World/body/tets", "/World/body/look/skin"
@@ -27,7 +27,7 @@ def test_a_skin_follows_affine_motion_exactly(linear):
     M = np.eye(4)
     M[:3, :3], M[:3, 3] = linear, (100.0, 0.0, -30.0)
     soft = Soft("/body", *shapes.block((1, 1, 1), 3), motion=Motion.still(M))
-    found = hold(soft, Skin("/body/skin", fur()))
+    found = embed_skin(soft, Skin("/body/skin", fur()))
     world = soft.motion.points(soft.points, 0.0)
     there = found.of(world @ F.T + SHIFT)
     assert np.abs(there - (soft.motion.points(fur(), 0.0) @ F.T + SHIFT)).max() < 1e-11
@@ -37,7 +37,7 @@ def test_a_skin_follows_affine_motion_exactly(linear):
 def test_the_rest_shape_holds_the_skin_and_not_the_start():
     points, tets = shapes.block((1, 1, 1), 2)
     soft = Soft("/body", points @ F.T + SHIFT, tets, rest_points=points)
-    at_start = hold(soft, Skin("/body/skin", fur())).of(soft.points)
+    at_start = embed_skin(soft, Skin("/body/skin", fur())).of(soft.points)
     assert np.abs(at_start - (fur() @ F.T + SHIFT)).max() < 16 * EPS           # soft.points are float32, up to 3
 
 
@@ -49,7 +49,7 @@ def test_all_skins_that_cannot_follow_are_named():
     scene.soft("/body", *shapes.block((1, 1, 1), 2), skins=[
         Skin("/body/far", far), Skin("/body/near", far - (0.02, 0.0, 0.0)), Skin("/body/broken", broken)])
     with pytest.raises(SceneError) as error:
-        held(scene)
+        embed_all_skins(scene)
     assert [p.path for p in error.value.problems] == ["/body/far", "/body/broken"]
     assert "1 of 3 lie more than 0.707107 m outside" in str(error.value) and "first: 2, at [1.22" in str(error.value)
     assert "point 0 is not finite" in str(error.value)
@@ -103,7 +103,7 @@ def record(scene: Scene, path, codes, **more) -> None:
 def test_a_result_has_the_body_and_its_skin_each_in_its_own_frame(tmp_path):
     scene = author(tmp_path / "s.usda")
     record(scene, tmp_path / "out.usdc", range(3))
-    result, rest = Result(tmp_path / "out.usdc"), fur(201).astype(float)
+    result, rest = ResultReader(tmp_path / "out.usdc"), fur(201).astype(float)
     assert result.paths() == [SKIN, TETS]
     for code in range(3):
         p, v = moved(scene, code)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim.scene import Scene, shapes
-from wsim.scene.check.slivers import frequencies, told
+from wsim.scene.check.slivers import describe_slivers, triangle_frequencies
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
 
@@ -24,7 +24,7 @@ def highest(p: np.ndarray) -> float:
 def test_a_triangle_is_as_fast_as_its_stiffness_over_its_mass(p):
     p = np.array(p, np.float64)
     cloth = Scene().cloth("/cloth", np.c_[p, np.zeros(3)], [3], [0, 1, 2], material=FABRIC)
-    omega, face = frequencies(cloth)
+    omega, face = triangle_frequencies(cloth)
     assert omega == pytest.approx([highest(p)], rel=1e-9) and face.tolist() == [0]
 
 
@@ -32,11 +32,11 @@ def test_a_sliver_is_named_by_its_face_and_a_grid_has_none():
     scene = Scene()
     points, counts, indices = shapes.sheet(1.0, 1.0, 6, 6)
     scene.cloth("/good", points, counts, indices, material=FABRIC)
-    assert told(scene) == []
+    assert describe_slivers(scene) == []
     flat = np.array([[3.0, 0.0, 0.0], [3.2, 0.0, 0.0], [3.1, 1e-4, 0.0]])
     scene.cloth("/bad", np.r_[points, flat], [*counts, 3], [*indices, len(points), len(points) + 1, len(points) + 2],
                 material=FABRIC)
-    (text,) = told(scene)
+    (text,) = describe_slivers(scene)
     assert text.startswith("/bad: 1 of 73 triangles") and f"faces {len(counts)}" in text
 
 
@@ -69,7 +69,7 @@ def test_a_frame_whose_launches_have_no_room_is_not_recorded_and_has_the_same_bi
     """55008 substeps of self-contact would take 25 GB, and the process with them."""
     found = []
     for free in (np.inf, 1e3):
-        monkeypatch.setattr("wsim.simulation.measure.memory.free", lambda device, free=free: free)
+        monkeypatch.setattr("wsim.simulation.measure.memory.free_bytes", lambda device, free=free: free)
         monkeypatch.setattr("wsim.simulation.plan.SMALL", 1.0)
         scene = thin(True)
         scene.solver, scene.substeps = "xpbd", 4

@@ -12,8 +12,8 @@ from tests.make.brake.objects import Brake
 from wsim import Bulk, Cloth, Collider, Fabric, Simulation, Soft, Springs
 from wsim.fitting import Settings, Track, fit, parameter
 from wsim.fitting.fields import field
-from wsim.fitting.parameter import parameters
-from wsim.gradient.inputs.by_name import KINDS, inputs
+from wsim.fitting.parameter import parameters_of_names
+from wsim.gradient.inputs.by_name import KINDS, inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.physics.animation.objects import Skeleton
 from wsim.physics.fluid.liquid.objects import Liquid
@@ -21,11 +21,11 @@ from wsim.physics.fluid.objects import Fluid, Source
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Load, Pin, Scene, SceneError, Varying, methods
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.check.varying import NEEDS
 from wsim.scene.curve import Curve
 from wsim.scene.values import table
-from wsim.scene.values.value import Range, holder
+from wsim.scene.values.value import ValueRange, value_holder
 from wsim.usd import load, names, save
 from wsim.usd.result.fitted import save_fitted
 
@@ -84,7 +84,7 @@ def test_a_toy_value_is_live_and_refused_out_of_its_bounds(row):
 
 
 def test_a_scene_is_judged_by_the_same_bounds(row):
-    (problem,) = [p for p in check(braked(-1.0)) if p.fatal]
+    (problem,) = [p for p in check_scene(braked(-1.0)) if p.fatal]
     assert str(problem) == "error: /brake: grip is -1; allowed: >= 0 and < 50; mend: author another toy:grip"
 
 
@@ -99,9 +99,9 @@ def test_a_toy_value_varies_in_time_and_is_saved_so(row, tmp_path):
     assert (again.path, again.name) == ("/brake", "grip") and again.curve.values.tolist() == [4.0, 1.0]
     for thing, words in ((Curve([0.0, 1.0], np.array([1.0, 60.0])), "grip is 60; allowed is >= 0 and < 50"),
                          (Curve([0.0, 1.0], np.ones((2, 3))), "keys of shape")):
-        (problem,) = [p for p in check(braked(4.0, Varying("/brake", "grip", thing))) if p.fatal]
+        (problem,) = [p for p in check_scene(braked(4.0, Varying("/brake", "grip", thing))) if p.fatal]
         assert problem.path == "/brake" and words in problem.text
-    (problem,) = [p for p in check(braked(0.0, Varying("/brake", "grip", curve))) if p.fatal]
+    (problem,) = [p for p in check_scene(braked(0.0, Varying("/brake", "grip", curve))) if p.fatal]
     assert "it is 0 at the start" in problem.text
 
 
@@ -116,9 +116,9 @@ def test_a_toy_value_is_fitted_and_its_layer_holds_it(row, tmp_path):
     save_fitted(scene, found.scene, tmp_path / "fitted.usda")
     assert load(tmp_path / "fitted.usda").things("Brake")[0].grip == found.values["grip"]
     with pytest.raises(SceneError, match="/brake: grip is 0 at the start, so that nothing of it runs"):
-        parameters("grip", [braked(0.0)])
+        parameters_of_names("grip", [braked(0.0)])
     with pytest.raises(SceneError, match="elasticity: is no parameter; allowed are stretch, .*, grip"):
-        parameters("elasticity", [braked()])
+        parameters_of_names("elasticity", [braked()])
 
 
 def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
@@ -126,7 +126,7 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
     recording = Recording(simulation(braked(), gradients=True), FRAMES)
     for name, words in (("grip", "has no derivative with respect to grip: a toy has none"), ("grp", "has no 'grp'")):
         with pytest.raises(SceneError, match=f"/brake: {words}"):
-            inputs(recording, [f"/brake:{name}"])
+            inputs_by_name(recording, [f"/brake:{name}"])
     found = recording.backward({FRAMES: {"/net": np.full((3, 3), 1.0 / 3.0)}}).velocities("/net").sum(axis=0)
     assert found == pytest.approx(away([GRIP] * FRAMES) / SPEED, rel=1e-12)
 
@@ -150,7 +150,7 @@ def test_a_row_names_what_there_is(value):
     assert value.name in of or HELD[value.name] in of
     assert value.unit in names.UNITS and set(value.needs) <= set(NEEDS)
     assert value.gradient in KINDS or value.why
-    assert table.find(value.owner, value.name) == value
+    assert table.find_value_row(value.owner, value.name) == value
 
 
 def test_rows_are_of_one_owner_and_name():
@@ -158,11 +158,11 @@ def test_rows_are_of_one_owner_and_name():
 
 
 @pytest.mark.parametrize("bounds, good, bad, words", [
-    (Range(), (0.0, 1e300), (-1e-9, np.inf, np.nan), "a finite number >= 0"),
-    (Range(strict=True), (1e-300,), (0.0, -1.0, np.inf, np.nan), "a finite number > 0"),
-    (Range(-1.0, True, 0.5), (0.0, 0.499), (-1.0, 0.5, np.nan), "> -1 and < 0.5"),
-    (Range(high=1.0, closed=True), (0.0, 1.0), (1.0001, -0.1, np.nan), "0 to 1"),
-    (Range(-np.inf), (-1e300, 0.0), (np.inf, -np.inf, np.nan), "a finite number")])
+    (ValueRange(), (0.0, 1e300), (-1e-9, np.inf, np.nan), "a finite number >= 0"),
+    (ValueRange(strict=True), (1e-300,), (0.0, -1.0, np.inf, np.nan), "a finite number > 0"),
+    (ValueRange(-1.0, True, 0.5), (0.0, 0.499), (-1.0, 0.5, np.nan), "> -1 and < 0.5"),
+    (ValueRange(high=1.0, closed=True), (0.0, 1.0), (1.0001, -0.1, np.nan), "0 to 1"),
+    (ValueRange(-np.inf), (-1e300, 0.0), (np.inf, -np.inf, np.nan), "a finite number")])
 def test_bounds_hold_numbers_and_arrays(bounds, good, bad, words):
     assert all(bounds.holds(v) for v in good) and not any(bounds.holds(v) for v in bad) and bounds.words == words
     assert bounds.holds(np.array([*good, *bad])).tolist() == [True] * len(good) + [False] * len(bad)
@@ -173,14 +173,15 @@ def test_a_material_refuses_by_the_bounds_of_the_table():
     for make, owner, name, value in ((Fabric, "Cloth", "stretch", -5.0), (Bulk, "Soft", "poisson", 0.5)):
         with pytest.raises(ValueError) as said:
             make(**{name: value})
-        bounds = table.of(owner)[name].range
+        bounds = table.values_of_class(owner)[name].range
         assert str(said.value) == bounds.wrong(name, value) == f"{name} is {value:g}; allowed is {bounds.words}"
-    assert holder(Cloth("/c", [], [], []), "stretch") == Fabric()
+    assert value_holder(Cloth("/c", [], [], []), "stretch") == Fabric()
 
 
 def test_documents_name_every_value():
     """What is live in the words of `Simulation.set`, what is fitted in the page about fits."""
     said, page = str(Simulation.set.__doc__), (Path(__file__).resolve().parents[2] / "wsim/docs/fits.md").read_text(
         encoding="utf-8")
-    assert [name for name in table.live("") if not re.search(rf"\b{name}\b", said)] == []
-    assert [name for name in (*parameter.names(), *(f"{kind.name}[]" for kind in field.kinds())) if name not in page] == []
+    assert [name for name in table.live_value_names("") if not re.search(rf"\b{name}\b", said)] == []
+    assert [name for name in (*parameter.parameter_names(), *(f"{kind.name}[]" for kind in field.field_kinds()))
+            if name not in page] == []

@@ -28,14 +28,14 @@ def frames(count: int = 13) -> list[np.ndarray]:
 
 def test_delays_keep_time():
     """Whole hundredths, whose sum is that of the frames; none is shorter than readers bear."""
-    assert sum(animation.delays(48, FPS)) == 2000 and set(animation.delays(48, FPS)) == {40, 50}
-    assert set(animation.delays(10, 1000.0)) == {20}
+    assert sum(animation.gif_frame_delays(48, FPS)) == 2000 and set(animation.gif_frame_delays(48, FPS)) == {40, 50}
+    assert set(animation.gif_frame_delays(10, 1000.0)) == {20}
 
 
 def test_a_gif_shows_every_frame_in_its_colours_and_keeps_time():
     image = pytest.importorskip("PIL.Image", reason="Pillow is not installed: extra picture")
     given = frames()
-    with image.open(BytesIO(animation.gif(given, FPS))) as read:
+    with image.open(BytesIO(animation.encode_gif(given, FPS))) as read:
         assert read.n_frames == 13 and read.info["loop"] == 0
         delays = []
         for k, frame in enumerate(given):
@@ -43,19 +43,19 @@ def test_a_gif_shows_every_frame_in_its_colours_and_keeps_time():
             delays.append(read.info["duration"])
             # 255 colours over a patch of 160 x 120 levels: a spacing of sqrt(160 * 120 / 255) = 9, half of it each way
             assert np.abs(np.asarray(read.convert("RGB")).astype(int) - frame).mean() < 4.5
-    assert delays == animation.delays(13, FPS)
+    assert delays == animation.gif_frame_delays(13, FPS)
 
 
 def test_few_colours_are_held_and_what_stands_still_costs_nothing():
     pytest.importorskip("PIL", reason="Pillow is not installed: extra picture")
     still = frames(1) * 20
-    assert len(animation.gif(still, FPS)) < 1.5 * len(animation.gif(still[:1], FPS))
+    assert len(animation.encode_gif(still, FPS)) < 1.5 * len(animation.encode_gif(still[:1], FPS))
 
 
 def test_a_film_has_every_frame_and_its_rate(tmp_path):
     imageio = pytest.importorskip("imageio.v2", reason="imageio is not installed: extra picture")
     pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed: extra picture")
-    animation.write(tmp_path / "a.mp4", [np.pad(f, ((0, 1), (0, 1), (0, 0))) for f in frames()], FPS)       # odd: 61 x 81
+    animation.write_animation(tmp_path / "a.mp4", [np.pad(f, ((0, 1), (0, 1), (0, 0))) for f in frames()], FPS)  # odd: 61 x 81
     with imageio.get_reader(tmp_path / "a.mp4", format="FFMPEG") as read:
         shown = [np.asarray(f) for f in read]
         assert read.get_meta_data()["fps"] == FPS and len(shown) == 13 and shown[0].shape == (60, 80, 3)
@@ -70,4 +70,4 @@ def test_what_is_not_installed_is_said_before_anything_is_drawn(tmp_path, monkey
     save(scene, tmp_path / "s.usda")
     with pytest.raises(SceneError, match=rf"{missing} not installed; install by: pip install -e ...picture.., or write .png"):
         picture(tmp_path / "s.usda", tmp_path / f"a{ending}", size=(16, 9), device="cpu")
-    animation.needed(".png")
+    animation.require_image_writer(".png")

@@ -7,9 +7,9 @@ from tests.show.test_picture import ball
 from wsim.show.camera import Camera
 from wsim.show.image.label import label_image, rasterize_text
 from wsim.show.picture import framed_points
-from wsim.show.raycast import Caster, tile_size
-from wsim.show.smoke.read import Density, Smoke
-from wsim.show.visible import visible
+from wsim.show.raycast import RayCaster, tile_size
+from wsim.show.smoke.read import SmokeDensity, SmokeVolume
+from wsim.show.visible import read_visible_stage
 from wsim.sweep.pictures import describe_run
 
 
@@ -26,7 +26,7 @@ def test_a_still_frames_all_of_the_way_of_what_moves(tmp_path):
     move.Set((0, 0, 0), 0)
     move.Set((2, 0, 0), 24)
     stage.Save()
-    (points,) = framed_points(visible(tmp_path / "a.usda"), [24.0])
+    (points,) = framed_points(read_visible_stage(tmp_path / "a.usda"), [24.0])
     assert np.allclose([points[:, 0].min(), points[:, 0].max()], [-0.1, 2.1], atol=1e-3)
 
 
@@ -36,7 +36,8 @@ def test_smoke_is_framed_where_it_is():
     values[4, 8, 12] = 1.0
     values[0, 0, 0] = 1e-3                                              # too thin to be seen
     world[:3, 3] = -0.75
-    smoke = Smoke("/smoke", np.ones(3), lambda t: Density(values, world) if t else None, lambda t: np.zeros((8, 3)), [0.0])
+    smoke = SmokeVolume("/smoke", np.ones(3), lambda t: SmokeDensity(values, world) if t else None, lambda t: np.zeros((8, 3)),
+                        [0.0])
     assert smoke.filled(0.0) is None
     corners = smoke.filled(1.0)
     assert np.allclose(corners.min(axis=0), (-0.4, 0.0, 0.4)) and np.allclose(corners.max(axis=0), (-0.3, 0.1, 0.5))
@@ -52,7 +53,7 @@ def test_every_second_square_of_a_floor_is_darker():
     camera = Camera.look((0.0, 1.0, 1e-4), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), angle=0.4)
 
     def shades(tiles: bool) -> np.ndarray:
-        image = Caster([look], (200, 200), "cpu").image([points], camera, "Y", -0.1, tiles=tiles)
+        image = RayCaster([look], (200, 200), "cpu").image([points], camera, "Y", -0.1, tiles=tiles)
         return image[5:45, 5:195, 1].astype(float)
     plain, squares = shades(False), shades(True)
     ratio = squares / plain

@@ -13,23 +13,23 @@ from wsim.scene import SceneError
 from wsim.show import camera as cameras
 from wsim.show import picture as pictures
 from wsim.show import raycast as casters
-from wsim.show.camera import Camera, fitted, subjects
-from wsim.show.picture import Caster, picture, render
-from wsim.show.shading import Look, smoothing
-from wsim.show.visible import visible
+from wsim.show.camera import Camera, fit_camera_to_points, subjects_in_view
+from wsim.show.picture import RayCaster, picture, render
+from wsim.show.shading import MeshLook, smoothing_groups
+from wsim.show.visible import read_visible_stage
 
 SIDES = 64
 GROUND, SURFACE = int(ray.GROUND), int(ray.SURFACE)
 
 
-def ball(radius: float = 1.0) -> tuple[np.ndarray, Look]:
-    points, triangles = primitives.sphere(radius, SIDES)
-    return points, Look(triangles, normal_of=smoothing(points, triangles))
+def ball(radius: float = 1.0) -> tuple[np.ndarray, MeshLook]:
+    points, triangles = primitives.sphere_outline(radius, SIDES)
+    return points, MeshLook(triangles, normal_of=smoothing_groups(points, triangles))
 
 
-def taken(meshes, camera: Camera, size=(96, 64), floor: float | None = None) -> Caster:
+def taken(meshes, camera: Camera, size=(96, 64), floor: float | None = None) -> RayCaster:
     """The caster after one image, its samples and light ready to be read."""
-    caster = Caster([look for _, look in meshes], size, "cpu")
+    caster = RayCaster([look for _, look in meshes], size, "cpu")
     caster.image([points for points, _ in meshes], camera, "Y", floor)
     return caster
 
@@ -75,14 +75,14 @@ def test_sky_light_on_a_free_ground_is_the_exact_integral():
 
 
 def test_a_plate_throws_its_shadow_along_the_light():
-    points, triangles = primitives.plate(1.0, 1.0)
-    plate = points[:, [1, 2, 0]] + [0.0, 1.0, 0.0], Look(triangles)
+    points, triangles = primitives.plate_outline(1.0, 1.0)
+    plate = points[:, [1, 2, 0]] + [0.0, 1.0, 0.0], MeshLook(triangles)
     view = Camera.look((0.0, 8.0, 12.0), (0.0, 0.5, 0.0), angle=0.7)
     caster = taken([plate], view, size=(288, 192), floor=0.0)
     what, lit = caster.samples.what.numpy(), caster.light.numpy()[..., 0]
     center, scale = np.array([0.0, 1.0, 0.0]), np.sqrt(2.0)
     ground = caster.samples.place.numpy() * scale + center
-    toward = np.array(casters._view(view, "Y", 0.0, center, scale).light)
+    toward = np.array(casters._ray_view(view, "Y", 0.0, center, scale).light)
     at = ground + toward * ((1.0 - ground[..., 1]) / toward[1])[..., None]    # where the ray to the light meets y = 1
     # penumbra: the disc of the light at distance 1 / toward_y, laid on the level; filter: 1 + 2 + 4 pixels of 0.05 m
     blur = casters.SPREAD / toward[1] ** 2 + 7 * 0.05
@@ -94,13 +94,13 @@ def test_a_plate_throws_its_shadow_along_the_light():
 
 def test_pictures_are_the_same_to_the_bit_and_follow_moved_points():
     """A refitted tree must give what a fresh one gives."""
-    (points, look), (corners, triangles) = ball(), primitives.plate(2, 2)
-    view, looks = Camera.look((1, 1, 4), (0, 0, 0)), [look, Look(triangles)]
+    (points, look), (corners, triangles) = ball(), primitives.plate_outline(2, 2)
+    view, looks = Camera.look((1, 1, 4), (0, 0, 0)), [look, MeshLook(triangles)]
     here, there = [points, corners], [points + [0.3, 0, 0], corners]      # the plate keeps the size of the whole
-    caster = Caster(looks, (48, 32), "cpu")
+    caster = RayCaster(looks, (48, 32), "cpu")
     first, moved = (caster.image(sets, view, "Y", -1.0) for sets in (here, there))
     np.testing.assert_array_equal(caster.image(here, view, "Y", -1.0), first)
-    np.testing.assert_array_equal(Caster(looks, (48, 32), "cpu").image(there, view, "Y", -1.0), moved)
+    np.testing.assert_array_equal(RayCaster(looks, (48, 32), "cpu").image(there, view, "Y", -1.0), moved)
     assert (moved != first).any()
 
 
@@ -115,10 +115,12 @@ def test_far_from_the_origin_nothing_is_lost():
 # Solids, normals, camera
 
 @pytest.mark.parametrize(("outline", "volume"), [
-    (lambda: primitives.box((1, 2, 3)), 48.0),
-    (lambda: primitives.cylinder(2.0, 2.0, 1.5), 12 * np.pi), (lambda: primitives.cylinder(2.0, 0.0, 1.5), 4 * np.pi),
-    (lambda: primitives.sphere(1.0), 4 / 3 * np.pi), (lambda: primitives.capsule(1.0, 1.0, 2.0), 16 / 3 * np.pi),
-    (lambda: primitives.rods(np.array([[0, 0, 0], [1.0, 2, 2]]), np.array([[0, 1]]), 0.5, SIDES), 0.75 * np.pi),
+    (lambda: primitives.box_outline((1, 2, 3)), 48.0),
+    (lambda: primitives.cylinder_outline(2.0, 2.0, 1.5), 12 * np.pi),
+    (lambda: primitives.cylinder_outline(2.0, 0.0, 1.5), 4 * np.pi),
+    (lambda: primitives.sphere_outline(1.0), 4 / 3 * np.pi),
+    (lambda: primitives.capsule_outline(1.0, 1.0, 2.0), 16 / 3 * np.pi),
+    (lambda: primitives.rod_outlines(np.array([[0, 0, 0], [1.0, 2, 2]]), np.array([[0, 1]]), 0.5, SIDES), 0.75 * np.pi),
 ], ids=["box", "cylinder", "cone", "ball", "capsule", "rod"])
 def test_a_solid_has_its_volume_and_faces_outwards(outline, volume):
     """By the divergence theorem; 64 sides lose 1 - sin(2 pi / 64) / (2 pi / 64) = 0.16 % of a circle's area, 32 steps
@@ -133,10 +135,10 @@ def test_a_solid_has_its_volume_and_faces_outwards(outline, volume):
 
 
 def test_a_box_has_edges_a_ball_none_a_cylinder_two():
-    for outline, groups in ((primitives.box((1, 1, 1)), 24), (primitives.sphere(1.0), None),
-                            (primitives.cylinder(1, 1, 1), None)):
+    for outline, groups in ((primitives.box_outline((1, 1, 1)), 24), (primitives.sphere_outline(1.0), None),
+                            (primitives.cylinder_outline(1, 1, 1), None)):
         points, triangles = outline
-        group = smoothing(points, triangles)
+        group = smoothing_groups(points, triangles)
         places = len(np.unique(np.round(points[np.unique(triangles)], 9), axis=0))
         sharp = 2 * SIDES if len(points) == 2 * SIDES + 2 else 0
         assert group.max() + 1 == (groups or places + sharp)
@@ -154,7 +156,7 @@ def test_smooth_normals_of_a_ball_are_radial():
 @pytest.mark.parametrize("up", ["Y", "Z"])
 def test_the_fitted_camera_shows_everything_and_no_more(up):
     points = np.random.default_rng(0).normal(size=(500, 3)) * [3.0, 1.0, 0.5] + [10.0, -4.0, 100.0]
-    view = fitted(points, up, 16 / 9)
+    view = fit_camera_to_points(points, up, 16 / 9)
     right, above, forward = view.axes()
     local = points - view.eye
     depth = local @ forward
@@ -166,8 +168,8 @@ def test_the_fitted_camera_shows_everything_and_no_more(up):
 
 def test_a_vast_floor_does_not_steer_the_camera():
     small, floor = np.random.default_rng(0).normal(size=(50, 3)), 1e3 * np.array([[-1, 0, -1], [1, 0, 1.0]])
-    assert subjects([floor, small, small + 3]) == [1, 2]
-    assert subjects([small, 2 * small]) == [0, 1]
+    assert subjects_in_view([floor, small, small + 3]) == [1, 2]
+    assert subjects_in_view([small, 2 * small]) == [0, 1]
 
 
 # Stages
@@ -207,7 +209,7 @@ def flag(path, last=4) -> str:
 def drawn(made: Usd.Stage):
     """The visible stage, which must be kept, and what is drawn of it, by path."""
     made.Save()
-    seen = visible(made.GetRootLayer().realPath)
+    seen = read_visible_stage(made.GetRootLayer().realPath)
     return seen, {d.look.path: d for d in seen.drawn}
 
 
@@ -228,7 +230,7 @@ def test_the_front_stays_in_front(tmp_path, mirror, orientation):
     mesh.AddScaleOp().Set((mirror, 1, 1))
     mesh.CreateOrientationAttr(orientation)
     _seen, shown = drawn(made)
-    front = topology.normals(shown["/cloth"].points(0.0), shown["/cloth"].look.triangles)[:, 2]
+    front = topology.area_normals(shown["/cloth"].points(0.0), shown["/cloth"].look.triangles)[:, 2]
     assert (front > 0).all() if orientation == "rightHanded" else (front < 0).all()
 
 
@@ -248,7 +250,7 @@ def test_a_level_plane_is_the_ground_and_a_tilted_one_a_plate(tmp_path):
     tilted = UsdGeom.Plane.Define(made, "/tilted")
     tilted.CreateAxisAttr("X")
     made.Save()
-    seen = visible(tmp_path / "a.usda")
+    seen = read_visible_stage(tmp_path / "a.usda")
     assert seen.floor(0.0) == -0.25 and [d.look.path for d in seen.drawn] == ["/tilted"]
     np.testing.assert_allclose(np.ptp(seen.drawn[0].points(0.0), axis=0), [0, 2, 2])
 
@@ -314,14 +316,14 @@ def test_a_camera_of_the_stage_is_used(tmp_path):
     lens = UsdGeom.Camera.Define(made, "/lens")
     lens.AddTranslateOp().Set((5, 0, 40))
     made.Save()
-    seen = visible(tmp_path / "a.usda")
-    (view,), _ = pictures._cameras(seen, [0.0], None, 1.5)
+    seen = read_visible_stage(tmp_path / "a.usda")
+    (view,), _ = pictures._cameras_and_ground(seen, [0.0], None, 1.5)
     np.testing.assert_allclose([*view.eye, *view.forward], [5, 0, 40, 0, 0, -1], atol=1e-12)
     assert view.tan_x == pytest.approx(0.5 * 20.955 / 50.0)        # USD's fallback aperture and focal length
-    (auto,), _ = pictures._cameras(seen, [0.0], "auto", 1.5)
+    (auto,), _ = pictures._cameras_and_ground(seen, [0.0], "auto", 1.5)
     assert auto.eye[1] > 0
     with pytest.raises(SceneError, match="/lens"):
-        pictures._cameras(seen, [0.0], "/other", 1.5)
+        pictures._cameras_and_ground(seen, [0.0], "/other", 1.5)
 
 
 @pytest.mark.parametrize(("arguments", "error", "words"), [
@@ -388,5 +390,5 @@ def test_a_result_layer_is_drawn_with_its_source(tmp_path):
     points = np.array(mesh.GetPointsAttr().Get())
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(points + np.float32(2.0)), 5)
     over.Save()
-    seen = visible(tmp_path / "out.usdc")
+    seen = read_visible_stage(tmp_path / "out.usdc")
     np.testing.assert_allclose(seen.drawn[0].points(5.0), points + 2.0)

@@ -48,7 +48,7 @@ def pattern(h: int, w: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize(("h", "w"), [(1, 1), (5, 3), (24, 37)])
 def test_a_still_comes_back_exactly(h, w):
     image = pattern(h, w)
-    found = dict(chunks(png.still(image)))
+    found = dict(chunks(png.encode_png(image)))
     assert struct.unpack(">IIBBBBB", found[b"IHDR"]) == (w, h, 8, 2, 0, 0, 0)
     np.testing.assert_array_equal(unfiltered(found[b"IDAT"], w, h), image)
 
@@ -59,7 +59,7 @@ def test_an_animation_comes_back_exactly_and_stores_only_what_changed():
     frames[2][:] = frames[1]
     frames[3][:] = pattern(20, 30, seed=1)
     canvas, shown, sizes, number, control = None, [], [], 0, None
-    for kind, body in chunks(png.animation(frames, 24.0)):
+    for kind, body in chunks(png.encode_animated_png(frames, 24.0)):
         if kind == b"acTL":
             assert struct.unpack(">II", body) == (4, 0)
         elif kind in (b"fcTL", b"fdAT"):

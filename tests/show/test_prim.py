@@ -5,8 +5,8 @@ import pytest
 from pxr import Usd, UsdGeom, Vt
 
 from wsim.scene import SceneError, shapes
-from wsim.show.shading import palette
-from wsim.show.visible import visible
+from wsim.show.shading import palette_colour
+from wsim.show.visible import read_visible_stage
 
 
 def stage(path) -> Usd.Stage:
@@ -30,7 +30,7 @@ def soft(made: Usd.Stage, path: str = "/soft", turned: bool = False) -> UsdGeom.
 def drawn(made: Usd.Stage):
     """The visible stage, which must be kept, and what is drawn of it, by path."""
     made.Save()
-    seen = visible(made.GetRootLayer().realPath)
+    seen = read_visible_stage(made.GetRootLayer().realPath)
     return seen, {d.look.path: d for d in seen.drawn}
 
 
@@ -49,7 +49,7 @@ def test_a_tet_mesh_shows_its_outside(tmp_path, turned, mirror):
     assert shown["/soft"].kind == "soft" and len(look.triangles) == 6 * 4 * 2 and look.normal_of.max() + 1 == 6 * 9
     a, b, c = shown["/soft"].points(1.0)[look.triangles].transpose(1, 0, 2)
     assert (a * np.cross(b, c)).sum() / 6.0 == pytest.approx(-2.0)
-    assert np.allclose(look.colors, palette("soft", 0))
+    assert np.allclose(look.colors, palette_colour("soft", 0))
 
 
 def test_a_soft_body_with_a_skin_is_seen_by_the_skin(tmp_path):

@@ -11,37 +11,38 @@ from tests.show.test_view import needs_rerun, rows
 from wsim.geometry import primitives
 from wsim.kernels.picture import ray
 from wsim.scene import SceneError
-from wsim.scene.samples import Volume
+from wsim.scene.samples import VolumeSample
 from wsim.show.camera import Camera
-from wsim.show.picture import Caster, picture
-from wsim.show.shading import Look
-from wsim.show.smoke.read import DENSE, Density, Smoke, beads
-from wsim.show.visible import visible
-from wsim.usd.result.kinds.beside import Beside
-from wsim.usd.result.kinds.rows import taken
+from wsim.show.picture import RayCaster, picture
+from wsim.show.shading import MeshLook
+from wsim.show.smoke.read import DENSE, SmokeDensity, SmokeVolume, smoke_beads
+from wsim.show.visible import read_visible_stage
+from wsim.usd.result.kinds.beside import SidecarFiles
+from wsim.usd.result.kinds.rows import sample_attribute_values
 
 N = 16
 
 
-def cloud(values: np.ndarray, low=(-1.0, -1.0, -1.0), edge: float = 2.0, depth: float = 1.0) -> tuple[Smoke, Density]:
+def cloud(values: np.ndarray, low=(-1.0, -1.0, -1.0), edge: float = 2.0, depth: float = 1.0) -> tuple[SmokeVolume,
+                                                                                                      SmokeDensity]:
     """Smoke in a cube of that edge [m], of optical depth `depth` across where it is 1."""
     M = np.eye(4)
     M[:3, :3] *= edge / len(values)
     M[:3, 3] = np.array(low) + 0.5 * edge / len(values)
     box = np.array(low) + edge * np.array(list(np.ndindex(2, 2, 2)))
-    made = Smoke("/smoke", np.full(3, 0.8), lambda t: None, lambda t: box, [0.0])
+    made = SmokeVolume("/smoke", np.full(3, 0.8), lambda t: None, lambda t: box, [0.0])
     made.__dict__["extinction"] = depth / edge
-    return made, Density(values.astype(np.float32), M)
+    return made, SmokeDensity(values.astype(np.float32), M)
 
 
-def plate(z: float, half: float = 4.0, color=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, Look]:
-    points, triangles = primitives.plate(half, half)
-    return points + [0.0, 0.0, z], Look(triangles, np.array([color]))
+def plate(z: float, half: float = 4.0, color=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, MeshLook]:
+    points, triangles = primitives.plate_outline(half, half)
+    return points + [0.0, 0.0, z], MeshLook(triangles, np.array([color]))
 
 
 def taken_from(meshes, clouds, eye=(0.0, 0.0, 9.0), size=(64, 64), floor=None, seen=None) -> np.ndarray:
     """Linear image (h, w, 3) before tones, by the caster's own buffers where `seen` is given."""
-    caster = Caster([look for _, look in meshes], size, "cpu")
+    caster = RayCaster([look for _, look in meshes], size, "cpu")
     found = caster.image([points for points, _ in meshes], Camera.look(eye, (0, 0, 0), angle=0.3), "Y", floor, None, clouds)
     if seen is not None:
         seen.append(caster)
@@ -78,14 +79,15 @@ def test_smoke_behind_a_surface_is_not_seen_and_half_of_it_before_one_is():
 def test_a_cloud_shades_what_the_light_meets_behind_it():
     """On the ground below black smoke of depth 50: no key light where the way to the light leads through its core, all of it
     where that misses the cloud, and the sky's light everywhere."""
-    clouds, ball = [cloud(np.ones((N, N, N)), low=(-1.0, 0.5, -1.0), depth=50.0)], primitives.sphere(0.05, 16)
+    clouds, ball = [cloud(np.ones((N, N, N)), low=(-1.0, 0.5, -1.0), depth=50.0)], primitives.sphere_outline(0.05, 16)
     casters: list = []
     for there in (clouds, []):
-        balls = [(ball[0] + [x, 6.0, -4.0], Look(ball[1])) for x in (-4.0, 4.0)]
+        balls = [(ball[0] + [x, 6.0, -4.0], MeshLook(ball[1])) for x in (-4.0, 4.0)]
         taken_from(balls, there, (0.0, 40.0, 8.0), (96, 96), 0.0, casters)
     with_, without = (caster.light.numpy() for caster in casters)
-    from wsim.show.raycast import _view
-    light = np.array(_view(Camera.look((0.0, 40.0, 8.0), (0, 0, 0), angle=0.3).filled(1.0), "Y", 0.0, np.zeros(3), 1.0).light)
+    from wsim.show.raycast import _ray_view
+    light = np.array(_ray_view(Camera.look((0.0, 40.0, 8.0), (0, 0, 0), angle=0.3).filled(1.0), "Y", 0.0, np.zeros(3),
+                               1.0).light)
     ground = casters[0].samples.what.numpy() == int(ray.GROUND)
     place = casters[0].samples.place.numpy() * casters[0].scale + casters[0].center
     at = place + light * ((1.5 - place[..., 1]) / light[1])[..., None]           # where the way is as high as the middle
@@ -100,16 +102,16 @@ def test_light_in_a_cloud_falls_off_towards_its_far_side():
     """V of voxels along the light, as the exponential of what lies before them; behind a plate it is 0."""
     import warp as wp
 
-    from wsim.show.raycast import _view
-    from wsim.show.smoke.media import Media
+    from wsim.show.raycast import _ray_view
+    from wsim.show.smoke.media import SmokeMedia
     depth = 3.0
     smoke, density = cloud(np.ones((N, N, N)), depth=depth)
     for half, hidden in ((4.0, True), (1e-3, False)):
         points, look = plate(0.0, half)
         camera = Camera.look((0, 0, 9.0), (0, 0, 0), angle=0.3).filled(1.0)
-        view = _view(camera, "Y", None, np.zeros(3), 1.0)
+        view = _ray_view(camera, "Y", None, np.zeros(3), 1.0)
         light = np.array(view.light)
-        caster = Caster([look], (8, 8), "cpu")
+        caster = RayCaster([look], (8, 8), "cpu")
         # the plate stands between the cloud and the light, across it
         z, x = light, np.cross(light, [0.0, 1.0, 0.0])
         x /= np.linalg.norm(x)
@@ -117,9 +119,9 @@ def test_light_in_a_cloud_falls_off_towards_its_far_side():
         caster.image([turned], camera, "Y", None)
         caster.center, caster.scale = np.zeros(3), 1.0
         caster.mesh = None
-        surfaces = caster._surfaces([turned])
+        surfaces = caster._refit_surfaces([turned])
         with wp.ScopedDevice("cpu"):
-            media = Media([(smoke, density)], np.array([0.0, 0.0, 9.0]), np.zeros(3), 1.0)
+            media = SmokeMedia([(smoke, density)], np.array([0.0, 0.0, 9.0]), np.zeros(3), 1.0)
             media.light(surfaces, view, caster.samples, caster.light, caster.other)
         V = media.media[0].lit.numpy()
         if hidden:
@@ -153,10 +155,10 @@ def stage_with(path, values: np.ndarray, codes=(1.0, 2.0), metres: float = 0.01)
     stage.SetEndTimeCode(codes[-1])
     box = UsdGeom.Cube.Define(stage, "/air")
     box.GetPrim().AddAppliedSchema("WsimFluidDomainAPI")
-    beside = Beside(str(path))
+    beside = SidecarFiles(str(path))
     for code in codes:
-        sample = Volume("/air", np.array([0.0, 0.0, 0.0]), 0.25, {"density": (code * values).astype(np.float32)})
-        for attribute, value in taken(stage, sample, code, beside):
+        sample = VolumeSample("/air", np.array([0.0, 0.0, 0.0]), 0.25, {"density": (code * values).astype(np.float32)})
+        for attribute, value in sample_attribute_values(stage, sample, code, beside):
             attribute.Set(value, code)
     stage.GetRootLayer().Save()
     return str(path)
@@ -166,7 +168,7 @@ def test_a_volume_of_a_stage_is_read_in_metres_at_its_time(tmp_path):
     values = np.zeros((8, 8, 16))
     values[2:5, 3:6, 4:9] = 1.0
     path = stage_with(tmp_path / "s.usda", values)
-    seen = visible(path)
+    seen = read_visible_stage(path)
     assert [s.path for s in seen.smoke] == ["/air_volume"] and not seen.drawn and seen.times == [1.0, 2.0] and not seen.notes
     smoke = seen.smoke[0]
     for code in (1.0, 2.0):
@@ -211,7 +213,7 @@ def test_what_cannot_be_drawn_of_a_volume_is_noted(tmp_path):
         stage.RemovePrim(f"/{name}")
     stage.GetRootLayer().Save()
     with pytest.raises(SceneError, match="nothing visible to draw"):
-        visible(tmp_path / "s.usda")
+        read_visible_stage(tmp_path / "s.usda")
 
 
 def test_kernels_of_smoke_are_loaded_for_smoke_alone(tmp_path):
@@ -234,11 +236,11 @@ def test_beads_are_few_and_hold_the_smoke():
     values = np.zeros((4, 4, 4), np.float32)
     values[1, 2, 3], values[0, 0, 0] = 1e6, 1.0
     M = np.diag([0.5, 0.5, 0.5, 1.0])
-    places, radii = beads(Density(values, M), 1.0)
+    places, radii = smoke_beads(SmokeDensity(values, M), 1.0)
     assert np.allclose(places, [(0, 0, 0), (0.5, 1.0, 1.5)]) and np.isclose(radii[1], 0.25) and radii[0] < 0.2
     rng = np.random.default_rng(0)
     large = rng.random((70, 60, 50)).astype(np.float32)
-    places, radii = beads(Density(large, M), 1.0)
+    places, radii = smoke_beads(SmokeDensity(large, M), 1.0)
     assert 1000 < len(places) <= 20000 and radii.max() <= 0.5 * 0.5 * 4
 
 

@@ -6,12 +6,12 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from wsim.show.image import png
 from wsim.show.image.texture import read_png, unfilter_rows
-from wsim.show.visible import visible
+from wsim.show.visible import read_visible_stage
 
 
 def test_a_png_is_read_as_it_was_written(tmp_path):
     image = np.random.default_rng(0).integers(0, 256, (9, 13, 3), np.uint8)
-    (tmp_path / "a.png").write_bytes(png.still(image))
+    (tmp_path / "a.png").write_bytes(png.encode_png(image))
     assert np.array_equal(read_png(str(tmp_path / "a.png")), image)
     (tmp_path / "b.png").write_bytes(b"no")
     with pytest.raises(ValueError, match="is no PNG file"):
@@ -41,7 +41,7 @@ def test_every_filter_is_undone(kind):
 def test_corners_have_the_colours_of_the_texture(tmp_path):
     """A square whose corners lie in the four quarters of an image: red, green above, blue, white above."""
     quarters = np.array([[(0, 255, 0), (255, 255, 255)], [(255, 0, 0), (0, 0, 255)]], np.uint8)
-    (tmp_path / "a.png").write_bytes(png.still(quarters.repeat(8, axis=0).repeat(8, axis=1)))
+    (tmp_path / "a.png").write_bytes(png.encode_png(quarters.repeat(8, axis=0).repeat(8, axis=1)))
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
     mesh = UsdGeom.Mesh.Define(stage, "/mesh")
     mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
@@ -61,7 +61,7 @@ def test_corners_have_the_colours_of_the_texture(tmp_path):
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     stage.Save()
-    (drawn,) = visible(tmp_path / "a.usda").drawn
+    (drawn,) = read_visible_stage(tmp_path / "a.usda").drawn
     colors = {int(point): drawn.look.colors[k].tolist() for point, k in
               zip(drawn.look.triangles.ravel(), drawn.look.color_of.ravel(), strict=True)}
     assert colors == {0: [1, 0, 0], 1: [0, 0, 1], 2: [1, 1, 1], 3: [0, 1, 0]}

@@ -15,9 +15,9 @@ from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Scene, Sce
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.fabric import Fabric
 from wsim.show import rerun_log as logs
-from wsim.show.plots import Measures
-from wsim.show.viewer import Viewer, _eye, view
-from wsim.show.visible import visible
+from wsim.show.plots import ResultMeasures
+from wsim.show.viewer import Viewer, _fit_viewer_eye, view
+from wsim.show.visible import read_visible_stage
 
 try:
     import rerun
@@ -129,10 +129,10 @@ def test_bodies_instances_particles_and_smoke_are_shown_while_they_are_simulated
     moved[1, 3] = 3.0
     scaled = moved @ np.diag([2.0, 1.0, 1.0, 1.0])
     nothing = np.zeros((1, 3))
-    found = [samples.Transform("/box", scaled),
-             samples.Instances("/many", np.array([0]), moved[None], nothing, nothing, nothing),
-             samples.Particles("/drops", np.ones((4, 3)), np.full(4, 0.1), np.arange(4)),
-             samples.Volume("/air", np.zeros(3), 0.5, {"density": np.ones((2, 2, 2), np.float32)})]
+    found = [samples.TransformSample("/box", scaled),
+             samples.InstanceSample("/many", np.array([0]), moved[None], nothing, nothing, nothing),
+             samples.ParticleSample("/drops", np.ones((4, 3)), np.full(4, 0.1), np.arange(4)),
+             samples.VolumeSample("/air", np.zeros(3), 0.5, {"density": np.ones((2, 2, 2), np.float32)})]
     sim, viewer, placed = Stepped(made), Viewer(made, save=tmp_path / "a.rrd"), {}
     sim.samples = lambda: found
     place = viewer.moved._place
@@ -151,13 +151,13 @@ def test_bodies_instances_particles_and_smoke_are_shown_while_they_are_simulated
 def test_the_eye_of_a_viewer_sees_all_but_what_is_far_from_the_rest():
     """Within the lens of rerun, 55 degrees from top to bottom; a ball 40 m away does not make a pyramid small."""
     near = [np.array([[x, 0.0, 0.0], [x + 0.5, 0.5, 0.5]]) for x in (-1.0, 0.0, 1.0)]
-    place, target = _eye([*near, np.array([[40.0, 0.0, 0.0], [41.0, 1.0, 1.0]])], "Y")
+    place, target = _fit_viewer_eye([*near, np.array([[40.0, 0.0, 0.0], [41.0, 1.0, 1.0]])], "Y")
     ahead = (target - place) / np.linalg.norm(target - place)
     for points in near:
         to = points - place
         assert (to @ ahead > 0).all()
         assert (np.arccos(to @ ahead / np.linalg.norm(to, axis=1)) < np.radians(0.5 * 55.0) * 1.5).all()
-    assert np.linalg.norm(target - place) < 8.0 and _eye([], "Y") is None
+    assert np.linalg.norm(target - place) < 8.0 and _fit_viewer_eye([], "Y") is None
 
 
 @needs_rerun
@@ -193,8 +193,8 @@ def test_strain_and_energy_of_a_result_are_those_of_its_points(tmp_path):
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy((1.1 * points + [0, 2.0, 0]).astype(np.float32)), 1)
     mesh.GetVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(np.tile(np.float32([0, 3, 0]), (4, 1))), 1)
     stage.Save()
-    seen = visible(tmp_path / "a.usda")
-    found = Measures.of(seen).at(seen.times[-1])
+    seen = read_visible_stage(tmp_path / "a.usda")
+    found = ResultMeasures.of(seen).at(seen.times[-1])
     expected = {"kinetic_energy": 0.9, "gravity_energy": 0.2 * 9.81 * 2, "max_strain": 0.1, "rms_strain": 0.1}
     assert found == pytest.approx(expected, rel=1e-6)
 

@@ -15,7 +15,7 @@ from tests.show.test_view import Stepped, needs_rerun
 from wsim.cli import main
 from wsim.scene import Scene, SceneError
 from wsim.show.viewer import Viewer, view
-from wsim.show.web import Page
+from wsim.show.web import WebPage
 
 
 def free() -> int:
@@ -43,8 +43,8 @@ def scene() -> Scene:
 
 
 def test_the_address_names_the_data_on_the_next_port():
-    assert Page(9190).address() == "http://localhost:9190/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9191%2Fproxy"
-    assert "ssh -L 9190:localhost:9190 -L 9191:localhost:9191 HOST" in Page(9190).words()
+    assert WebPage(9190).address() == "http://localhost:9190/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9191%2Fproxy"
+    assert "ssh -L 9190:localhost:9190 -L 9191:localhost:9191 HOST" in WebPage(9190).words()
 
 
 @pytest.mark.parametrize("taken", [0, 1])
@@ -54,10 +54,10 @@ def test_a_port_that_is_taken_is_said_with_the_mend(taken):
         other.bind(("0.0.0.0", port + taken))
         other.listen()
         with pytest.raises(SceneError, match=f"port {port + taken} is not free .* give another N"):
-            Page(port).check()
-    Page(port).check()
+            WebPage(port).check()
+    WebPage(port).check()
     with pytest.raises(SceneError, match="allowed is 1 to 65534"):
-        Page(65535).check()
+        WebPage(65535).check()
 
 
 def test_a_page_and_a_file_are_not_asked_for_at_once(capsys):
@@ -69,7 +69,7 @@ def test_a_page_and_a_file_are_not_asked_for_at_once(capsys):
 @needs_rerun
 def test_a_running_simulation_is_served(tmp_path):
     port, made = free(), scene()
-    viewer = Viewer(made, web=Page(port))
+    viewer = Viewer(made, web=WebPage(port))
     sim = Stepped(made)
     sim.step()
     viewer.log(sim)
@@ -103,9 +103,9 @@ def listens(port: int) -> set[str]:
 def test_the_server_ends_with_the_process_that_started_it():
     port = free()
     child = subprocess.Popen([sys.executable, "-c", f"""
-from wsim.show.rerun_log import _program
-from wsim.show.web import Page, Server
-server = Server(_program(), Page({port}))
+from wsim.show.rerun_log import _find_rerun_program
+from wsim.show.web import RerunServer, WebPage
+server = RerunServer(_find_rerun_program(), WebPage({port}))
 print("ready", flush=True)
 input()"""], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "ready\n" and answers(port) and answers(port + 1)
@@ -115,12 +115,12 @@ input()"""], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
 def test_another_address_is_warned_of_and_a_foreign_one_refused():
-    assert "warning: --bind 0.0.0.0: everyone who reaches this address" in Page(9190, "0.0.0.0").words()
-    assert "warning" not in Page(9190, "127.0.0.1").words() and "warning" not in Page(9190, "::1").words()
-    assert Page(9190, "::1").address().startswith("http://localhost:9190/")
+    assert "warning: --bind 0.0.0.0: everyone who reaches this address" in WebPage(9190, "0.0.0.0").words()
+    assert "warning" not in WebPage(9190, "127.0.0.1").words() and "warning" not in WebPage(9190, "::1").words()
+    assert WebPage(9190, "::1").address().startswith("http://localhost:9190/")
     for bind, said in (("192.0.2.1", "is no address of this machine"), ("everywhere", "is no IP address")):    # RFC 5737
         with pytest.raises(SceneError, match=f"--bind: {bind} {said}"):
-            Page(9190, bind).check()
+            WebPage(9190, bind).check()
 
 
 @needs_rerun
@@ -131,7 +131,7 @@ def test_a_result_is_served_until_it_is_left(tmp_path):
 
     def served() -> None:
         seen.append((answers(port), answers(port + 1)))
-    view(tmp_path / "s.usda", web=Page(port), served=served)
+    view(tmp_path / "s.usda", web=WebPage(port), served=served)
     assert seen == [(True, True)]
 
 
@@ -149,7 +149,7 @@ def test_the_page_of_a_run_stays_where_a_person_watches(terminal, tmp_path, monk
             left.append("closed")
     monkeypatch.setattr("wsim.show.viewer.Viewer", Page)
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal, raising=False)
-    monkeypatch.setattr("wsim.simulation.interrupt.wait", lambda: left.append("left"))
+    monkeypatch.setattr("wsim.simulation.interrupt.wait_for_interrupt", lambda: left.append("left"))
     save(scene(), tmp_path / "s.usda")
     files = [str(tmp_path / "s.usda"), "-o", str(tmp_path / "o.usdc")]
     assert main(["run", *files, "--frames", "1", "--web", "--device", "cpu"]) == 0

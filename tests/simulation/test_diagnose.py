@@ -74,8 +74,9 @@ def test_a_fit_says_it_too(names, monkeypatch):
         self.plan.method("pins").set("/pin", "motion", lost("explicit").pins[0].motion)        # which `set` would refuse
         step(self, path, name, *rest)
     monkeypatch.setattr(Simulation, "set", breaks)
-    from wsim.fitting.copies import Copies
-    begin = Copies.begin
-    monkeypatch.setattr(Copies, "begin", lambda self, values: (begin(self, values), breaks(self.sim, "/", "air_drag", 0.4)))
+    from wsim.fitting.copies import SceneCopies
+    begin = SceneCopies.begin
+    monkeypatch.setattr(SceneCopies, "begin", lambda self,
+                        values: (begin(self, values), breaks(self.sim, "/", "air_drag", 0.4)))
     with pytest.raises(SceneError, match="first in substep [0-9]+ of [0-9]+, stage leapfrog: array .* of point 0 of /chain"):
         wsim.fit(scene, [track], names, settings=Settings(device="cpu"))

@@ -29,7 +29,7 @@ def count(x: wp.array(dtype=int)):
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """A cache of its own, of a process that has loaded nothing yet."""
-    kernel_cache.start()
+    kernel_cache.start_warp()
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path / "cache"))
     (tmp_path / "cache").mkdir()
     forget()
@@ -43,7 +43,7 @@ def forget() -> None:
 
 
 def counted() -> list[int]:
-    kernel_cache.load(PLACE, wp.get_device("cpu"))
+    kernel_cache.load_kernel_module(PLACE, wp.get_device("cpu"))
     x = wp.zeros(3, dtype=int, device="cpu")
     wp.launch(count, 3, [x], device="cpu")
     return x.numpy().tolist()
@@ -77,7 +77,7 @@ def test_a_damaged_cache_is_compiled_again(cache, tmp_path):
         damage(folder)
         forget()
         assert counted() == [7, 8, 9]
-        assert kernel_cache._unsound(PLACE) == [] and (folder / kernel_cache.RECORD).exists()
+        assert kernel_cache._unsound_folders(PLACE) == [] and (folder / kernel_cache.RECORD).exists()
         shutil.rmtree(folder)
         shutil.copytree(tmp_path / "sound", folder)
     forget()
@@ -113,7 +113,7 @@ def test_a_home_that_is_not_there_is_one_sentence(monkeypatch, error, words, sce
         monkeypatch.setattr("os.path.expanduser", lambda path: path)
     with pytest.raises(SceneError, match=words) as raised:
         Simulation(scene, device="cpu")
-    assert cli.explain(raised.value).count("\n") == 0
+    assert cli.explain_error(raised.value).count("\n") == 0
 
 
 def test_two_threads_step_two_simulations_to_the_bits_of_one():
@@ -154,23 +154,24 @@ def test_kernels_of_a_report_are_in_the_cache_once_for_all_scenes(monkeypatch):
         sim = Simulation(scene, device="cpu")
         sim.step()
         own: list[tuple[str, int]] = []
-        ready = kernel_cache.ready
-        monkeypatch.setattr(kernel_cache, "ready", lambda kernel, model, ready=ready, own=own: (
+        ready = kernel_cache.load_module_of_kernel
+        monkeypatch.setattr(kernel_cache, "load_module_of_kernel", lambda kernel, model, ready=ready, own=own: (
             own.append((kernel.module.name, len(kernel.module.kernels))), ready(kernel, model)))
         sim.indicators()
-        monkeypatch.setattr(kernel_cache, "ready", ready)
+        monkeypatch.setattr(kernel_cache, "load_module_of_kernel", ready)
         asked.append(own)
     assert asked[0] and asked[0] == asked[1] and all(name.startswith("wsim_report_") for name, _ in asked[0])
     assert len(set(asked[0])) == len({name for name, _ in asked[0]})    # none grew after it was loaded
 
 
 def test_warp_starts_without_a_word_of_a_driver_that_a_machine_without_a_gpu_lacks():
-    code = "from wsim.model import kernel_cache; import warp as wp; wp.config.log_level = wp.LOG_WARNING; kernel_cache.start()"
+    code = ("from wsim.model import kernel_cache; import warp as wp; wp.config.log_level = wp.LOG_WARNING; "
+            "kernel_cache.start_warp()")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2])
     assert done.returncode == 0 and "NVIDIA CUDA driver" not in done.stderr, done.stderr
 
 
 def test_other_words_of_a_start_are_passed_on(capfd):
-    with kernel_cache._without(b"no driver"):
+    with kernel_cache._standard_error_without(b"no driver"):
         os.write(2, b"warning: no driver\nwarning: an old one\n")
     assert capfd.readouterr().err == "warning: an old one\n"

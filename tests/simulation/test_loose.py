@@ -42,7 +42,7 @@ def test_points_of_no_face_stay_and_change_nothing(solver, integrator, model):
         sim.run(2)
         ends.append(sim.positions()[own])
         energies.append(sim.indicators()["kinetic_energy"])
-    said = [str(p) for p in check.check(scene)]
+    said = [str(p) for p in check.check_scene(scene)]
     start = scene.cloths[0].points
     assert [s for s in said if "2 points (first: 0) are in no face" in s] == said
     assert np.array_equal(np.delete(sim.positions(), own, axis=0), placed)

@@ -8,8 +8,8 @@ import pytest
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Motion, Plane, Scene, shapes
 from wsim.scene.fabric import Fabric
-from wsim.simulation.measure.columns import columns
-from wsim.simulation.measure.indicators import edge_strain, rows
+from wsim.simulation.measure.columns import text_columns
+from wsim.simulation.measure.indicators import count_constraint_rows, edge_strain
 from wsim.simulation.simulation import Simulation
 
 DOUBLE = {"device": "cpu", "precision": "float64"}
@@ -139,7 +139,7 @@ def test_the_rows_of_every_solver_are_counted(solver, integrator, times):
     scene = net()
     scene.solver, scene.integrator = solver, integrator
     sim = Simulation(scene, **DOUBLE)
-    assert rows(sim.plan) == (2, 2 * times)
+    assert count_constraint_rows(sim.plan) == (2, 2 * times)
 
 
 def test_every_stage_of_a_substep_is_timed(ran):
@@ -166,8 +166,8 @@ def test_before_the_first_frame_a_report_says_so():
 
 def test_cells_of_a_table_stand_below_each_other():
     rows = [("a", "1", "x"), ("long", "22", "")]
-    assert columns(rows, "<><") == ["a      1  x", "long  22   "]
-    assert columns(rows, "<><", (6, None, 0), gap="|") == ["a     | 1|x", "long  |22|"]
+    assert text_columns(rows, "<><") == ["a      1  x", "long  22   "]
+    assert text_columns(rows, "<><", (6, None, 0), gap="|") == ["a     | 1|x", "long  |22|"]
 
 
 def test_methods_do_not_write_over_indicators_of_each_other():
@@ -192,10 +192,10 @@ def test_counts_of_a_warning_are_told_with_all_their_digits():
     """1234 pairs were 1.23e+03 of them; what is no count keeps three digits."""
     from types import SimpleNamespace
 
-    from wsim.simulation.measure.exceeded import _add
+    from wsim.simulation.measure.exceeded import _add_exceeded_note
     sim = SimpleNamespace(notes={}, warnings=[], frame=1)
     for frame, value in ((1, 12.0), (2, 1234.0), (3, 7.0)):
         sim.frame = frame
-        _add(sim, ("pairs",), value, "{worst} pairs")
-    _add(sim, ("strain",), 2.38461, "{worst} times as long")
+        _add_exceeded_note(sim, ("pairs",), value, "{worst} pairs")
+    _add_exceeded_note(sim, ("strain",), 2.38461, "{worst} times as long")
     assert sim.warnings == ["frame 1 and 2 later, worst in frame 2: 1234 pairs", "frame 3: 2.38 times as long"]

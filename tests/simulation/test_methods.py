@@ -9,13 +9,13 @@ from pxr import Usd
 from tests.make.wheels import ROW, VALUES
 from tests.make.wheels.objects import Wheel
 from wsim.cli import main
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.scene import Scene, SceneError, methods, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.values import table
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
-from wsim.usd.result.restart import Result
+from wsim.usd.result.restart import ResultReader
 
 CPU = {"device": "cpu"}
 FAST, SLOW = Wheel("/World/fast", 0.5, 300.0, 2.0), Wheel("/World/slow", 0.0, -3.0, 0.0)
@@ -81,7 +81,7 @@ def test_a_scene_is_saved_and_loaded_and_what_is_wrong_is_said_by_its_path(tmp_p
     again = load(tmp_path / "s.usda")
     assert again == scene and not again.notes and [type(w) for w in again.things("Wheel")] == [Wheel, Wheel]
     scene.things("Wheel")[0].drag = -1.0
-    (problem,) = [p for p in check(scene) if p.fatal]
+    (problem,) = [p for p in check_scene(scene) if p.fatal]
     assert problem.path == FAST.path and "drag is -1" in problem.text
     with pytest.raises(SceneError, match="is a str, which no method simulates; there are: Body, Joint, .*, Wheel"):
         scene.add("wheel")
@@ -102,7 +102,8 @@ def test_a_run_is_recorded_and_goes_on_to_the_bit(tmp_path, cloth):
     whole, half, rest = (str(tmp_path / f"{name}.usdc") for name in ("whole", "half", "rest"))
 
     def run(output: str, frames: int, restart: str | None = None):
-        job = prepare(replace(load(source), frames=frames), output, lambda s: Simulation(s, **CPU), restart=restart)
+        job = prepare_recorded_run(replace(load(source), frames=frames), output, lambda s: Simulation(s, **CPU),
+                                   restart=restart)
         job.frames()
         return job.simulation
     one = run(whole, 8)
@@ -113,7 +114,7 @@ def test_a_run_is_recorded_and_goes_on_to_the_bit(tmp_path, cloth):
     if cloth:
         assert np.array_equal(one.positions(), two.positions())
     for path in (whole, rest):
-        stage = Result(path).stage
+        stage = ResultReader(path).stage
         for wheel in (FAST, SLOW):
             prim = stage.GetPrimAtPath(wheel.path)
             assert len(prim.GetAttribute("xformOp:transform").GetTimeSamples()) == 9
@@ -127,8 +128,8 @@ def test_a_run_with_other_steps_goes_on_from_where_it_was(tmp_path):
     """Its closed form holds for steps of any length; where a result does not say where it was, that is an error."""
     source, half, rest = (str(tmp_path / name) for name in ("s.usda", "half.usda", "rest.usda"))
     save(wheels(True), source)
-    prepare(replace(load(source), frames=4), half, lambda s: Simulation(s, **CPU)).frames()
-    job = prepare(replace(load(source), substeps=6), rest, lambda s: Simulation(s, **CPU), restart=half)
+    prepare_recorded_run(replace(load(source), frames=4), half, lambda s: Simulation(s, **CPU)).frames()
+    job = prepare_recorded_run(replace(load(source), substeps=6), rest, lambda s: Simulation(s, **CPU), restart=half)
     job.frames()
     assert any("not bit for bit" in w for w in job.simulation.warnings)
     assert abs(turned(job.simulation, FAST) - angle(FAST, 8 / 24.0)) < 40 * 6e-8 * 73.0
@@ -136,7 +137,7 @@ def test_a_run_with_other_steps_goes_on_from_where_it_was(tmp_path):
     stage.GetPrimAtPath(SLOW.path).GetAttribute("wsim:restart:timeCode").Set(1.0)
     stage.GetRootLayer().Save()
     with pytest.raises(SceneError, match=f"{SLOW.path}: has no restart fields at frame 4"):
-        prepare(load(source), rest, lambda s: Simulation(s, **CPU), restart=half)
+        prepare_recorded_run(load(source), rest, lambda s: Simulation(s, **CPU), restart=half)
 
 
 def test_three_worlds_have_wheels_of_their_own():

@@ -309,9 +309,9 @@ def test_a_frame_that_lacked_room_is_repeated_before_an_integrator_gives_way():
     sim = Simulation(chain(3, substeps=8, iterations=60, integrator="implicit_midpoint"), **CPU)
     said = [Remedy("grow", lambda: "8 pairs were near, and there was room for 4"), Remedy("give way")]
     sim.plan.methods[0].retry = lambda status: said
-    assert retry.mend(sim) and sim.plan.integrator == "implicit_midpoint"
+    assert retry.prepare_frame_retry(sim) and sim.plan.integrator == "implicit_midpoint"
     said[0] = Remedy("grow", lambda: "")
-    assert retry.mend(sim) and sim.plan.integrator == "backward_euler"
+    assert retry.prepare_frame_retry(sim) and sim.plan.integrator == "backward_euler"
 
 
 def test_more_contacts_than_room_repeat_the_frame():
@@ -330,7 +330,7 @@ def test_more_contacts_than_room_repeat_the_frame():
 def test_what_a_scene_lacks_is_neither_planned_nor_allocated():
     sim = Simulation(chain(3), **CPU)
     assert [m.name for m in sim.plan.methods] == ["points", "pins", "xpbd", "watch", "balance"]
-    assert not sim.state.has("a") and not sim.state.has("s")
+    assert not sim.state.has_point_field("a") and not sim.state.has_point_field("s")
     left_out = {s["stage"] for s in sim.plan.skipped}
     assert {"aero", "contact", "history", "gradients"} <= left_out
 
@@ -383,7 +383,7 @@ def test_worlds_have_their_own_parameters():
     (3, {"cloth": True}, "gpu"), (0, {}, "gpu")])
 def test_few_rigid_bodies_alone_take_the_cpu_unless_a_device_is_named(monkeypatch, bodies, more, where):
     devices = {"cpu": SimpleNamespace(is_cuda=False), "gpu": SimpleNamespace(is_cuda=True)}
-    monkeypatch.setattr(cost.kernel_cache, "device", lambda name: devices[name or "gpu"])
+    monkeypatch.setattr(cost.kernel_cache, "warp_device", lambda name: devices[name or "gpu"])
     scene = Scene()
     for k in range(bodies):
         scene.add(Body(f"/ball{k}", [Collider(f"/ball{k}/shape", Sphere(1.0))]))

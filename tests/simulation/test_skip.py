@@ -40,18 +40,22 @@ for path in sys.argv[1:]:
 """
 
 # what every scene of cloth needs by explicit steps among contacts
-LEAPS = {"begin", "commit", "correct", "fused", "settle", "stretched", "not_finite"}   # fused has air, contacts, `correct`
-PINS, AIR = {"move_pins"}, {"press", "blow"}
+LEAPS = {"explicit_begin_kernel", "position_commit_kernel", "velocity_correction_kernel", "fused",
+         "resting_kick_kernel", "overstretch_kernel", "not_finite_kernel"}   # fused has air, contacts, `correct`
+PINS, AIR = {"pin_motion_kernel"}, {"triangle_drag_kernel", "air_displacement_kernel"}
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND
 EDGES = {"feel_edges_box", "find_edges_box", "gather_edges"}      # of cloths, against sharp colliders
 DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
 KERNELS = {
-    "hanging_cloth": {"march", "stretched", "not_finite"},
-    "flag": LEAPS | AIR | {"press_leap", "blow_leap", "march", "blow_work"},
-    "cape": LEAPS | AIR | {"press_leap", "blow_leap", "march", "search_sphere", "contact", "push_work"},
-    "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"} | EDGES,
-    "shirt": LEAPS | {"march", "search_solid_f32_listed", "contact", "clearance_solid", "near_solid"},
+    "hanging_cloth": {"sheet_march_kernel", "overstretch_kernel", "not_finite_kernel"},
+    "flag": LEAPS | AIR | {"leapfrog_drag_kernel", "leapfrog_air_kernel", "sheet_march_kernel", "blow_work"},
+    "cape": LEAPS | AIR | {"leapfrog_drag_kernel", "leapfrog_air_kernel", "sheet_march_kernel",
+                           "search_sphere", "contact", "push_work"},
+    "tablecloth": LEAPS | {"sheet_march_kernel", "contact",
+                           "search_plane_box", "clearance_plane_box", "near_plane_box"} | EDGES,
+    "shirt": LEAPS | {"sheet_march_kernel",
+                      "search_solid_f32_listed", "contact", "clearance_solid", "near_solid"},
 }
 
 
@@ -70,7 +74,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("model", "stage ports state status model midnodes launches kernel_cache structs vjp warp_private")
        | room("model.compiler", "variants source header recorded version")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
-       | room("physics.motion", "points overstretch stability")
+       | room("physics.motion", "points divergence_monitor stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
        | room("kernels", "math.real math.marks motion.points cloth.spring"))
 CHECKS = (room("simulation.measure.checks", "balance terms reasons rise works") | room("kernels.math", "ledger point_energy")
@@ -78,22 +82,26 @@ CHECKS = (room("simulation.measure.checks", "balance terms reasons rise works") 
           | {"wsim.model.compiler.parallel"})
 PINNED = {"wsim.physics.motion.pins", "wsim.scene.check.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
-CONTACT = (room("physics.contact", "contacts colliders method mesh clearance") | room("scene.check", "contact")
-           | {"wsim.physics.collider.rows", "wsim.kernels.collider.colliders"}
-           | room("scene.check", "signed_distance chord sharp") | room("kernels.contact", "project search collide shape mesh")
-           | {"wsim.kernels.motion.clearance"})
-LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
+CONTACT = (room("physics.contact", "contacts colliders method free_flight_test") | room("physics.contact.collider",
+                                                                                        "mesh") | room("scene.check", "contact")
+           | {"wsim.physics.contact.collider.rows", "wsim.kernels.contact.collider.colliders"}
+           | room("scene.check", "signed_distance chord sharp") | room("kernels.contact", "project search collide mesh")
+           | room("kernels.contact.collider", "shape") | {"wsim.kernels.motion.free_flight_test"})
+LEAP = (room("physics.motion", "explicit forces") | room("physics.motion.fast_paths",
+                                                         "threads cluster simd_springs simd_sheets")
         | room("physics.cloth", "bending curvature elements table")
-        | room("kernels.motion", "threads cluster explicit packets march_cpu sheet_packets sheet_march")
+        | room("kernels.motion.fast_paths",
+               "threads cluster simd_springs march_cpu simd_sheets sheet_march") | room("kernels.motion", "explicit")
         | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))
-FUSED = (room("physics.fused", "fuser program recorder source") | room("kernels", "fused.body motion.abreast"))
-OUTLINE = {"wsim.physics.contact.poses.outline"}               # of colliders, for frames without contacts
+FUSED = (room("physics.motion.fused",
+              "kernel_fusion persistent_kernel recorder source") | room("kernels.motion", "fused.body fast_paths.thread_team"))
+OUTLINE = {"wsim.physics.contact.poses.swept_bounds"}               # of colliders, for frames without contacts
 SHARP = room("physics.cloth", "edge_contacts") | room("kernels.cloth.edge_contact", "sites gather edge corner")
 MOVED = (room("kernels", "animation.motion animation.pinned animation.collider math.rotation math.eigen")    # by keys
          | {"wsim.physics.animation.pin_targets", "wsim.physics.contact.poses.sampled"})
-WHOLE = room("physics.motion", "one_launch")
-SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass leapfrog is weighed where it is dear
+WHOLE = room("physics.motion.fast_paths", "one_launch")
+SLIVERS = room("physics.motion.fused", "mass_scaling")                   # with whose mass leapfrog is weighed where it is dear
 LISTED = {"wsim.physics.contact.broad", "wsim.kernels.contact.candidates"}      # triangles near enough for some frames
 MANY = room("scene.check", "slivers")                          # a look for triangles that make steps many
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
@@ -157,7 +165,7 @@ def test_no_adjoint_is_compiled(name):
 @scenes
 def test_methods_arrays_and_reasons_agree(name):
     found = stepped(name)
-    wanted = {"points", "explicit"} if "march" in KERNELS[name] else {"points", "xpbd", "watch"}
+    wanted = {"points", "explicit"} if "sheet_march_kernel" in KERNELS[name] else {"points", "xpbd", "watch"}
     wanted |= {"balance"}
     wanted |= {"pins"} if MODULES[name] >= PINNED else set()
     wanted |= {"aero"} if KERNELS[name] >= AIR else set()

@@ -6,7 +6,7 @@ import pytest
 from tests.make.soft_bar import bar, ran
 from wsim import Fabric, Scene, SceneError, Simulation, load, save
 from wsim.scene import shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 
 
@@ -91,7 +91,7 @@ def test_ties_are_saved_and_loaded(tmp_path):
 def test_a_bad_tie_is_told_by_its_path(change, words):
     scene, _, _ = laid()
     change(scene.ties[0], scene)
-    problems = [p for p in check(scene) if p.fatal]
+    problems = [p for p in check_scene(scene) if p.fatal]
     assert problems and any(words in str(p) and p.path in ("/tie", "/blanket") for p in problems)
     with pytest.raises(SceneError, match="tie|blanket"):
         Simulation(scene, device="cpu")

@@ -8,11 +8,11 @@ import pytest
 from tests.make.usda import BIND, SHEET, Reader, cloth, errors, fabric, notes
 from tests.make.usda_soft import SOLID, solid, volume
 from wsim import Scene, Simulation
-from wsim.cli.run import later
-from wsim.fitting.parameter import parameters
+from wsim.cli.run import delay_scene_curves
+from wsim.fitting.parameter import parameters_of_names
 from wsim.gradient.recording import Recording
 from wsim.scene import SceneError, Sphere, Varying, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
 from wsim.usd import load, save
@@ -78,7 +78,7 @@ def test_a_run_that_goes_on_and_one_after_a_reset_are_the_same_to_the_bit():
 def test_frames_before_the_start_move_curves_of_values_and_muscles_later():
     scene = blown()
     scene.net("/net", np.eye(3), [[0, 1], [1, 2]], [10.0], [1.0], actuation=RAMP)
-    moved = later(scene, 0.25)
+    moved = delay_scene_curves(scene, 0.25)
     assert np.array_equal(moved.varying[0].curve.times, WIND.times + 0.25)
     assert np.array_equal(moved.springs[0].actuation.times, RAMP.times + 0.25)
 
@@ -96,7 +96,7 @@ def test_a_recording_refuses_what_varies():
     (Varying("/flag", "damping", RAMP), "it is 0 at the start"), (Varying("/gone", "stretch", RAMP), "nothing of that path"),
     (Varying("/flag", "dynamic_friction", RAMP), "there is no collider")])
 def test_what_cannot_vary_is_an_error(thing, said):
-    found = [str(p) for p in check(flag(thing)) if p.fatal]
+    found = [str(p) for p in check_scene(flag(thing)) if p.fatal]
     assert len(found) == 1 and said in found[0]
 
 
@@ -199,4 +199,4 @@ def test_what_varies_is_saved_and_loaded_again(tmp_path):
 def test_a_fit_of_what_varies_is_refused():
     for name, said in (("stretch", "/flag: stretch varies in time"), ("wind_x", "/: wind varies in time")):
         with pytest.raises(SceneError, match=said):
-            parameters(name, [blown()])
+            parameters_of_names(name, [blown()])

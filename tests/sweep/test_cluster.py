@@ -96,12 +96,12 @@ def test_a_run_that_ends_its_worker_again_and_again_is_listed(file, cluster, tmp
     """The scene of one draw is a file that is gone when the worker comes to it; others are done."""
     from wsim.sweep import cluster as workers
 
-    class Deadly(workers.Remote):
+    class Deadly(workers.RemoteWorker):
         def run(self, part):
             if any(draw["stretch"] == 200.0 for _, draw in part):
                 os._exit(1)
             return super().run(part)
-    monkeypatch.setattr(workers, "Remote", Deadly)
+    monkeypatch.setattr(workers, "RemoteWorker", Deadly)
     rows = list(wsim.sweep(file, "stretch=list(100,200,300)", tmp_path / "out", settings=settings(cluster, retries=1)))
     rows = {r["stretch"]: r for r in rows}
     assert [rows[s]["status"] for s in (100.0, 200.0, 300.0)] == ["done", "failed", "done"]
@@ -111,20 +111,20 @@ def test_a_run_that_ends_its_worker_again_and_again_is_listed(file, cluster, tmp
 def test_workers_of_other_versions_are_refused(file, cluster, tmp_path, monkeypatch):
     from wsim.sweep import cluster as workers
 
-    class Old(workers.Remote):
+    class Old(workers.RemoteWorker):
         def hello(self):
             return super().hello() | {"warp-lang": "0.1"}
-    monkeypatch.setattr(workers, "Remote", Old)
+    monkeypatch.setattr(workers, "RemoteWorker", Old)
     with pytest.raises(SceneError, match=r"runs warp-lang 0.1 and not .*; install the same on every node"):
         list(wsim.sweep(file, VARY, tmp_path / "out", settings=settings(cluster)))
 
 
 def test_ray_adds_less_than_a_twentieth_to_runs_of_a_second(file, tmp_path):
     """Ten runs one after another on one worker, from the first that is handed out to the last row."""
-    from wsim.sweep.cluster import Cluster
+    from wsim.sweep.cluster import RayCluster
     from wsim.sweep.job import Job
     job = Job(file, {}, str(tmp_path), 0, Settings(device="cpu", workers=1), runs="tests.make.sleeper")
-    with Cluster(job) as workers:
+    with RayCluster(job) as workers:
         next(iter(workers.run([[(0, {})]])))                     # the worker has made what it needs
         began = time.perf_counter()
         rows = [row for part in workers.run([[(k, {})] for k in range(10)]) for row in part]

@@ -8,7 +8,7 @@ from tests.sweep.test_sweep import hung, table
 from wsim import cli
 from wsim.scene import SceneError
 from wsim.sweep.job import Settings
-from wsim.sweep.many import many
+from wsim.sweep.many import fit_specimens
 
 CPU = Settings(device="cpu")
 TRUTH = [200.0, 300.0, 450.0]
@@ -26,7 +26,7 @@ def specimens(tmp_path_factory) -> tuple[str, list[str]]:
 
 def test_each_specimen_has_its_own_stiffness(specimens, tmp_path):
     scene, seen = specimens
-    rows = list(many(scene, seen, "stretch", tmp_path / "fits", settings=CPU))
+    rows = list(fit_specimens(scene, seen, "stretch", tmp_path / "fits", settings=CPU))
     assert [row["status"] for row in rows] == ["done"] * 3
     np.testing.assert_allclose([row["stretch"] for row in rows], TRUTH, rtol=1e-3)
     assert all(0.0 < row["stretch:error"] < 1.0 and row["converged"] for row in rows)
@@ -60,7 +60,7 @@ def test_specimens_that_share_one_parameter_have_a_layer_each(specimens, tmp_pat
 def test_what_is_no_specimen_is_refused_before_anything_runs(specimens, tmp_path):
     scene, seen = specimens
     with pytest.raises(SceneError, match="there is no such file"):
-        many(scene, [*seen, str(tmp_path / "nothere.usdc")], "stretch", tmp_path / "fits", settings=CPU)
+        fit_specimens(scene, [*seen, str(tmp_path / "nothere.usdc")], "stretch", tmp_path / "fits", settings=CPU)
     with pytest.raises(SceneError, match="is no parameter"):
-        many(scene, seen, "strech", tmp_path / "fits", settings=CPU)
+        fit_specimens(scene, seen, "strech", tmp_path / "fits", settings=CPU)
     assert not (tmp_path / "fits").exists()

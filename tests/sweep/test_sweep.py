@@ -14,7 +14,7 @@ from wsim import cli
 from wsim.scene import Scene, SceneError, Sphere
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
-from wsim.sweep.folder import CIRCUMSTANCES, cell
+from wsim.sweep.folder import CIRCUMSTANCES, csv_cell
 from wsim.sweep.job import Settings
 
 CPU = Settings(device="cpu")
@@ -43,7 +43,7 @@ def table(folder) -> list[dict]:
 
 def lasting(rows) -> list[dict]:
     """Rows without what a machine and its clock decide."""
-    return [{k: cell(v) for k, v in row.items() if k not in CIRCUMSTANCES} for row in rows]
+    return [{k: csv_cell(v) for k, v in row.items() if k not in CIRCUMSTANCES} for row in rows]
 
 
 def test_a_row_is_what_a_simulation_of_its_own_gives(file, tmp_path):
@@ -193,10 +193,10 @@ def test_failed_runs_are_told_with_their_reasons(tmp_path, capsys):
 @pytest.mark.slow
 def test_rigid_scenes_run_one_after_another_and_are_gone_on_with(tmp_path, capsys):
     """Boxes that slide: said, each as alone to the bit, whole after it was stopped."""
-    from wsim.scene.methods import things
+    from wsim.scene.methods import objects_with_values
     scene = wsim.load("scenes/dominoes.usda")
     scene.frames = 4
-    vary, names = "gravity_y=list(-9.81,-5,-3)", {type(t).__name__ for t in things(scene)}
+    vary, names = "gravity_y=list(-9.81,-5,-3)", {type(t).__name__ for t in objects_with_values(scene)}
     whole = list(wsim.sweep(scene, vary, tmp_path / "whole", settings=CPU))
     assert {r["status"] for r in whole} == {"done"} and {r["worlds"] for r in whole} == {1} and "Body" in names
     alone = Simulation(replace(scene, gravity=(0.0, -5.0, 0.0)), device="cpu")

@@ -97,9 +97,9 @@ def test_a_world_is_reset_alone(solver):
 def test_memory_of_worlds_is_said_before_they_are_made(monkeypatch):
     from wsim.simulation.measure import memory
     scene = cloth("xpbd")
-    each = memory.held(Simulation(scene, **CPU))
+    each = memory.bytes_held_by(Simulation(scene, **CPU))
     monkeypatch.setattr(memory, "LARGE", 10)
-    monkeypatch.setattr(memory, "free", lambda device: 4.5 * each)
+    monkeypatch.setattr(memory, "free_bytes", lambda device: 4.5 * each)
     with pytest.raises(SceneError, match=r"7 of .* KiB each take .* and .* are free on cpu: 5 fit"):
         Simulation(scene, worlds=7, **CPU)
     assert Simulation(scene, worlds=5, **CPU).worlds == 5

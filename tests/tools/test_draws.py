@@ -5,7 +5,7 @@ import pytest
 
 from tools.draws import row as draws
 from tools.draws.scenes import KINDS, Draw, drawn
-from wsim.physics.selfcontact.crossings import crossings
+from wsim.physics.contact.selfcontact.crossings import crossed_triangles
 from wsim.simulation.simulation import Simulation
 
 
@@ -29,8 +29,8 @@ def test_a_draw_begins_without_intersections_and_is_the_same_again(k):
               for b in draw.scene.bodies() for M in [b.motion.at(0.0)]]
     faces = [np.reshape(b.indices, (-1, 3)) for b in draw.scene.cloths]
     first = np.cumsum([0, *(len(p) for p in places)])
-    assert not len(crossings(np.concatenate(places), np.concatenate([f + s for f, s in zip(faces, first, strict=False)]),
-                             neighbours=False))
+    assert not len(crossed_triangles(np.concatenate(places),
+                                     np.concatenate([f + s for f, s in zip(faces, first, strict=False)]), neighbours=False))
     assert draw.kind == KINDS[k % 7] and draw.scene == drawn(k, "newton")
 
 

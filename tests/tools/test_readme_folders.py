@@ -25,7 +25,7 @@ def test_the_pictures_of_the_scenes_are_made_by_commands_that_there_are():
     named = re.findall(r"([a-z_]+) (\d+)", loop.partition("; do")[0])
     drawn = {path.stem for path in (ROOT / "scenes/pictures").glob("*.png")}
     assert len(named) > 20 and {name for name, _ in named} <= drawn & {path.stem for path in (ROOT / "scenes").glob("*.usda")}
-    from wsim.cli import parser
+    from wsim.cli import build_argument_parser
     for name, frame in named:
         assert 0 < int(frame) <= wsim.load(ROOT / "scenes" / f"{name}.usda").frames
     lines = [line.strip() for line in loop.splitlines() if "wsim " in line]
@@ -33,4 +33,4 @@ def test_the_pictures_of_the_scenes_are_made_by_commands_that_there_are():
     assert len(commands) >= 3
     for command in commands:
         words = shlex.split(command.replace("$1", named[0][0]).replace("$2", named[0][1]), comments=True)
-        assert words[0] == "wsim" and parser().parse_args(words[1:]).command in ("run", "picture")
+        assert words[0] == "wsim" and build_argument_parser().parse_args(words[1:]).command in ("run", "picture")

@@ -9,9 +9,9 @@ import pytest
 
 from tools.scenes import SCENES
 from tools.scenes.cloth import USED
-from wsim.geometry.tetra.tets import volumes
+from wsim.geometry.tetra.tets import signed_tet_volumes
 from wsim.scene import Box, Plane, Sphere, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 
@@ -105,9 +105,9 @@ def test_soft_scenes_hold_what_they_say(name):
     points, tets, volume, model, pinned, colliders = SOFT[name]
     scene = load(FOLDER / f"{name}.usda")
     (soft,) = scene.softs
-    assert not scene.notes and not check(scene)
+    assert not scene.notes and not check_scene(scene)
     assert (len(soft.points), len(soft.tets), soft.material.model) == (points, tets, model)
-    assert volumes(soft.motion.points(soft.points), soft.tets).sum() == pytest.approx(volume, rel=1e-4)
+    assert signed_tet_volumes(soft.motion.points(soft.points), soft.tets).sum() == pytest.approx(volume, rel=1e-4)
     assert tuple(type(c.shape) for c in scene.colliders) == colliders and sum(len(pin.points) for pin in scene.pins) == pinned
 
 
@@ -166,14 +166,14 @@ def test_balls_of_the_chart_are_on_their_graphs_and_the_camera_goes_evenly_round
     from pxr import Usd, UsdGeom
 
     from tools.scenes.animation import LANES
-    from wsim.scene.curve.easing import eased
+    from wsim.scene.curve.easing import ease_fractions
     scene = load(FOLDER / "easing_chart.usda")
     assert len(scene.cloths) == CURVES["easing_chart"] == len(LANES) and not scene.notes
     for (_, easing, _), held in zip(LANES, scene.pins, strict=True):
         s = np.linspace(0.013, 0.987, 41)
         x, y, _ = (held.motion.sampled(0.5 + 2.5 * s)[:, :3, 3] - held.motion.at(0.0)[:3, 3]).T
         np.testing.assert_allclose(x, 0.8 * s, atol=2e-6)                  # six digits in the file
-        np.testing.assert_allclose(y, 0.8 * eased(easing, s)[0], atol=5e-6)
+        np.testing.assert_allclose(y, 0.8 * ease_fractions(easing, s)[0], atol=5e-6)
     stage = Usd.Stage.Open(str(FOLDER / "camera_path.usda"))
     camera = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Camera"))
     M = np.array([np.array(camera.ComputeLocalToWorldTransform(code)) for code in np.linspace(0.0, 96.0, 193).tolist()])
@@ -210,7 +210,7 @@ def test_scenes_run(name):
 def test_rollers_pull_a_cloth_at_their_speed():
     """30 cm/s: the gap between prisms of 96 sides is 0.95 mm at most, always narrower than the cloth (of 48 sides it opened to
     1.1 mm, and the cloth slipped by 1.4 %). No triangles intersect."""
-    from tests.physics.selfcontact.test_colliders import crossed
+    from tests.physics.contact.selfcontact.test_colliders import crossed
     from wsim.simulation.simulation import Simulation
     sim, places = Simulation(load(FOLDER / "rollers.usda"), device="cpu"), []
     for _ in range(30):
@@ -250,7 +250,7 @@ def test_the_bar_is_twisted_by_a_full_turn_and_keeps_its_volume():
     middle = np.abs(start[:, 0]) < 1e-6
     off = 0.5 * (start + end)[middle][:, 1:] - (0.5, 0.0)
     assert off.mean(axis=0) == pytest.approx((-0.004, 0.0), abs=0.001) and np.abs(off - off.mean(axis=0)).max() < 0.004
-    assert volumes(end, soft.tets).sum() == pytest.approx(0.032, rel=0.41 / 9.7)
+    assert signed_tet_volumes(end, soft.tets).sum() == pytest.approx(0.032, rel=0.41 / 9.7)
 
 
 def test_the_squeezed_cube_is_carried_by_friction():
@@ -285,7 +285,7 @@ def test_the_bunny_tumbles_off_the_step_in_one_piece():
     scene, soft, start, end = after("bunny", 48)
     (skin,) = soft.skins
     assert len(skin.points) == 6102
-    assert soft.filled @ volumes(start, soft.tets) == pytest.approx(0.8758 * 0.5**3, rel=0.02)
+    assert soft.filled @ signed_tet_volumes(start, soft.tets) == pytest.approx(0.8758 * 0.5**3, rel=0.02)
     step, _ = scene.colliders
     assert end[:, 1].min() > -0.02 and end[:, 0].mean() > step.motion.at(0.0)[0, 3] + step.shape.half[0]
     edge = np.linalg.norm(end[soft.tets[:, 0]] - end[soft.tets[:, 1]], axis=1)
@@ -310,7 +310,7 @@ def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
 def test_scenes_of_liquids_flow(name):
     """Cells and particles as they say; a quarter of a second falls by as much as its height lets it."""
     scene = load(FOLDER / f"{name}.usda")
-    assert not scene.notes and not check(scene)
+    assert not scene.notes and not check_scene(scene)
     (liquid,) = scene.things("Liquid")
     sim = Simulation(scene, device="cpu")
     first = sim.indicators()
@@ -325,7 +325,7 @@ def test_scenes_of_liquids_flow(name):
 def test_scenes_of_fluids_blow_smoke(name):
     """Cells and sources as they say; smoke that moves faster than 0.2 m/s after half a second."""
     scene = load(FOLDER / f"{name}.usda")
-    assert not scene.notes and not check(scene)
+    assert not scene.notes and not check_scene(scene)
     (fluid,) = scene.things("Fluid")
     assert (fluid.shape, len(scene.things("Source"))) == FLUID[name]
     sim = Simulation(scene, device="cpu")
@@ -390,7 +390,7 @@ def test_characters_wear_what_is_pinned_to_their_skin(name):
     scene = load(FOLDER / f"{name}.usda")
     (cloth,), (pin,), (bones,) = scene.cloths, scene.pins, scene.things("Skeleton")
     body = next(c.shape for c in scene.colliders if isinstance(c.shape, Surface))
-    assert not scene.notes and not [p for p in check(scene) if p.fatal]
+    assert not scene.notes and not [p for p in check_scene(scene) if p.fatal]
     assert (len(cloth.points), len(pin.points), len(bones.joints), len(body.points)) == (points, pinned, joints, skinned)
     assert body.poses.skeleton is bones is pin.follows.skin.skeleton and bones.moves
     places = pin.follows.over(np.array([0.0, 0.9]))

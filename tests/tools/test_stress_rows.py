@@ -9,7 +9,7 @@ import pytest
 from tools.stress import acts, energy, examples, judge, rows, run, scenes, soft_rows, solvers, table
 from tools.stress.__main__ import chosen, verdict_of
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.nodal.separate import NUDGE, apart
+from wsim.scene.nodal.separate import NUDGE, separate_coincident_ends
 from wsim.simulation.simulation import Simulation
 
 SWEEPS = next(s for s in solvers.SOLVERS if s.name == "xpbd/backward_euler")
@@ -178,15 +178,15 @@ def test_points_joined_at_one_place_part_by_no_more_than_a_rounding():
     places = np.zeros((4, 3))
     places[3] = 1.0
     edges, rest = np.array([[0, 1], [1, 2], [2, 3]]), np.array([0.1, 0.2, 0.3])
-    moved = apart(places, edges, rest)
+    moved = separate_coincident_ends(places, edges, rest)
     assert len(np.unique(moved, axis=0)) == 4 and np.array_equal(moved[3], places[3])
     assert np.abs(moved - places).max() <= 0.5 * NUDGE * 0.2
 
 
 def test_points_that_need_no_parting_stay_as_they_are():
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    assert apart(places, np.array([[0, 1]]), np.array([1.0])) is places
-    assert apart(places, np.array([[0, 2]]), np.array([0.0])) is places
+    assert separate_coincident_ends(places, np.array([[0, 1]]), np.array([1.0])) is places
+    assert separate_coincident_ends(places, np.array([[0, 2]]), np.array([0.0])) is places
 
 
 # soft bodies

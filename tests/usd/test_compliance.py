@@ -12,7 +12,7 @@ import pytest
 from tests.make.validate import validate
 from wsim import usd
 from wsim.cli import main
-from wsim.scene.samples import Colour
+from wsim.scene.samples import ColourSample
 from wsim.usd.result.recorder import Recorder
 
 SCENES = sorted(path.stem for path in Path("scenes").glob("*.usda"))
@@ -34,7 +34,7 @@ def record(scene, path, clips: bool = False, **more) -> None:
     places = {b.path: b.motion.points(b.points) for b in scene.bodies()}
     stress = {s.path: {name: np.ones(len(s.points)) for name in ("vonMises", "strain")} for s in scene.softs}
     forces = {p.path: np.ones((len(p.points), 3)) for p in scene.pins}
-    colours = [Colour(path, np.ones((len(x), 3))) for path, x in places.items()]
+    colours = [ColourSample(path, np.ones((len(x), 3))) for path, x in places.items()]
     poses = {c.path: c.motion.at(0.0) for c in scene.colliders}
     for k in range(2):
         recorder.append(recorder.time_code(k), places, places, poses, stress, forces, colours)

@@ -107,10 +107,10 @@ def test_a_curves_deformable_is_a_rod_with_the_mass_of_its_segments(read):
                  f"float[] physics:thicknesses = [0.02]\n{BIND}\n}}\n"
                  + fabric("float physics:youngsModulus = 1e6\nfloat physics:density = 500",
                           apis='"PhysicsCurvesDeformableMaterialAPI"'))
-    from wsim.physics.rods.tables import Table
+    from wsim.physics.rods.tables import StrandTable
     area, rope = math.pi * 0.02**2 / 4, scene.things("Rods")[0]
     assert rope.counts.tolist() == [3, 2] and not scene.springs
-    table = Table([(rope, 0)])
+    table = StrandTable([(rope, 0)])
     assert np.allclose(table.values["A"].T[table.values["A"].T > 0], 1e6 * area / np.array([1, 2, 1]), rtol=1e-6)
     assert np.allclose(table.values["m"].T.ravel()[:5], 500 * area * np.array([0.5, 1.5, 1.0, 0.5, 0.5]), rtol=1e-6)
 

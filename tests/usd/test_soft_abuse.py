@@ -63,7 +63,7 @@ def test_every_error_is_reported_together(tmp_path):
 
 def test_a_spoilt_attribute_is_read_or_refused(tmp_path, monkeypatch):
     """Also where nothing says that it is not simulated yet."""
-    monkeypatch.setattr(soft, "pending", lambda thing: ())
+    monkeypatch.setattr(soft, "check_unsupported_material", lambda thing: ())
     scene = soft_scene(0)
     del scene.cloths[:], scene.softs[1:], scene.softs[0].skins[1:], scene.pins[:1], scene.colliders[:]
     scene.frames = 2

@@ -7,8 +7,8 @@ from pxr import Gf, Sdf, Ts, Usd, UsdGeom
 from wsim.scene import Scene, Sphere, Varying
 from wsim.scene.curve import Curve, Motion, Stack
 from wsim.usd import load, save
-from wsim.usd.stage import Units
-from wsim.usd.transforms.splines import curve_of, spline_of
+from wsim.usd.stage import StageUnits
+from wsim.usd.transforms.splines import curve_from_spline, spline_from_curve
 
 FPS, START = 24.0, 1.0
 CODES = np.linspace(-30.0, 90.0, 241) + 0.013
@@ -71,7 +71,7 @@ def world_of(prim: Usd.Prim, metres=0.01) -> np.ndarray:
 
 
 def times() -> np.ndarray:
-    return Units(fps=FPS, start=START).time(CODES)
+    return StageUnits(fps=FPS, start=START).time(CODES)
 
 
 def test_a_collider_under_splines_is_where_usd_has_it_at_any_time(tmp_path):
@@ -134,19 +134,19 @@ CURVES = [Curve([0.0, 0.5, 2.0], [1.0, 3.0, -2.0], "catmull_rom", "linear", "rep
 
 @pytest.mark.parametrize("curve", CURVES, ids=[c.kind for c in CURVES])
 def test_a_curve_of_numbers_is_a_spline_and_back(curve):
-    units = Units(fps=FPS, start=START)
-    spline = spline_of(curve, units, 2.0)
+    units = StageUnits(fps=FPS, start=START)
+    spline = spline_from_curve(curve, units, 2.0)
     t = np.linspace(-3.0, 5.0, 161) + 1e-3
     np.testing.assert_allclose(2.0 * np.array([spline.Eval(c) for c in units.code(t)]), curve.sampled(t), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(curve_of(spline, units, 2.0).sampled(t), curve.sampled(t), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(curve_from_spline(spline, units, 2.0).sampled(t), curve.sampled(t), rtol=0, atol=1e-12)
 
 
 def test_what_no_spline_says_is_none():
-    units = Units()
-    assert spline_of(Curve([0.0, 1.0], [0.0, 1.0], "eased", easing="bounce-out"), units) is None
-    assert spline_of(Curve([0.0, 1.0], np.eye(2), "catmull_rom"), units) is None
+    units = StageUnits()
+    assert spline_from_curve(Curve([0.0, 1.0], [0.0, 1.0], "eased", easing="bounce-out"), units) is None
+    assert spline_from_curve(Curve([0.0, 1.0], np.eye(2), "catmull_rom"), units) is None
     with pytest.raises(ValueError, match="no knots"):
-        curve_of(Ts.Spline(), units)
+        curve_from_spline(Ts.Spline(), units)
     assert isinstance(Stack([np.eye(4)]), Motion)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdValidation
 
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.scene import (
     Box,
     Capsule,
@@ -23,17 +23,17 @@ from wsim.scene import (
     Springs,
     Surface,
 )
-from wsim.scene.bodies import same
+from wsim.scene.bodies import equal_values
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.fabric import Fabric
 from wsim.scene.integrator import INTEGRATORS, SOLVERS
 from wsim.usd import load, names, save
-from wsim.usd.stage import Units
+from wsim.usd.stage import StageUnits
 
 
 def _turned(rng) -> np.ndarray:
     axis = rng.normal(size=3)
-    return about_axis(axis / np.linalg.norm(axis), rng.uniform(0.0, 3.0))
+    return axis_rotation_matrix(axis / np.linalg.norm(axis), rng.uniform(0.0, 3.0))
 
 
 def _matrix(rng, rigid: bool, far: float) -> np.ndarray:
@@ -141,7 +141,7 @@ def _difference(a, b, where="scene") -> str:
     if isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
         pairs = enumerate(zip(a, b, strict=True))
         return next(filter(None, (_difference(x, y, f"{where}[{i}]") for i, (x, y) in pairs)), "")
-    return "" if same(a, b) else f"{where}: {a!r} is not {b!r}"
+    return "" if equal_values(a, b) else f"{where}: {a!r} is not {b!r}"
 
 
 @pytest.mark.parametrize("suffix", ["usda", "usdc"])
@@ -231,12 +231,12 @@ def test_fallbacks_of_the_schema_are_the_defaults_of_the_scene():
 def test_allowed_tokens_of_the_schema_are_the_tables_of_solvers_and_integrators():
     definition = Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(names.WSIM_SCENE)
     for field, allowed in (("solver", SOLVERS), ("integrator", INTEGRATORS)):
-        attribute = definition.GetAttributeDefinition(names.row("Scene", field).attribute)
+        attribute = definition.GetAttributeDefinition(names.attribute_entry("Scene", field).attribute)
         assert tuple(attribute.GetMetadata("allowedTokens")) == allowed
 
 
 def test_units_turn_stage_values_into_si():
-    units = Units(metres=0.01, kilograms=0.001)
+    units = StageUnits(metres=0.01, kilograms=0.001)
     assert units.factor("N/m") == 0.001
     assert units.factor("Pa") == pytest.approx(0.1)            # g/(cm s^2) = 0.1 Pa
     assert units.factor("kg/m^3") == pytest.approx(1000.0)     # g/cm^3

@@ -55,7 +55,7 @@ class Watch:
         self.wrap_attribute(wp, "capture_launch", self.timed_call)
         self.wrap_attribute(wp, "launch", self.counted_launch)
         self.wrap_attribute(wp, "launch_tiled", self.counted_launch)
-        self.wrap_attribute(status.Status, "wait", self.timed_call)
+        self.wrap_attribute(status.FrameStatus, "wait", self.timed_call)
         self.wrap_attribute(kernel_cache, "capture", self.counted_capture)
 
     @staticmethod
@@ -130,7 +130,7 @@ def measure_scene(name: str, device: str, seconds: float) -> dict:
 def point_places(simulation) -> list[list[float]]:
     """Places [m] of points of cloth, soft bodies and rods, and of the origins of bodies and colliders."""
     rows = [simulation.positions(body.path) for body in simulation.model.bodies]
-    rows += [sample.positions for sample in simulation.samples() if type(sample).__name__ == "Points"]
+    rows += [sample.positions for sample in simulation.samples() if type(sample).__name__ == "PointSample"]
     rows += [np.array([pose[:3, 3] for _, pose in sorted(simulation.poses().items())])]
     return np.concatenate([np.reshape(r, (-1, 3)) for r in rows]).tolist()
 
@@ -187,18 +187,18 @@ def main(argv: list[str] | None = None) -> None:
     if args.child:
         print(json.dumps(measure_scene(args.child, args.devices, args.seconds)))
         return
-    from wsim.simulation.measure.columns import columns
+    from wsim.simulation.measure.columns import text_columns
     names = args.scenes.split(",") if args.scenes else examples()
     if unknown := sorted(set(names) - set(examples())):
         sys.exit(f"--scenes: no example {', '.join(unknown)}; there are {', '.join(examples())}")
     devices, widths = args.devices.split(","), [16, 7, *map(len, HEAD[2:])]
-    print(*columns([HEAD], "<<" + ">" * 13, widths), sep="\n", flush=True)
+    print(*text_columns([HEAD], "<<" + ">" * 13, widths), sep="\n", flush=True)
     rows: list[dict] = []
     with ThreadPoolExecutor(args.at_once) as pool:
         for found in pool.map(lambda name: [run_scene(name, device, args.seconds) for device in devices], names):
             for r in found:
                 r["apart"] = rms_distance(r, found[0]) if r is not found[0] else None
-            print(*columns([table_cells(r) for r in found], "<<" + ">" * 13, widths), sep="\n", flush=True)
+            print(*text_columns([table_cells(r) for r in found], "<<" + ">" * 13, widths), sep="\n", flush=True)
             rows += [{k: v for k, v in r.items() if k != "seen"} for r in found]
             if args.json:
                 import warp as wp

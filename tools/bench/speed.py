@@ -79,7 +79,7 @@ def sweep(n: int, device, precision: str = "float32") -> dict:
     sim.step()
     batch, xpbd, clock = sim.plan.method("xpbd").batches[0], sim.plan.method("xpbd"), sim.plan.clock
     a_sweep = timed(lambda: xpbd.project(batch, clock), sim.device)
-    sim.state.restore()
+    sim.state.restore_snapshot()
     substep = timed(sim.plan.substep, sim.device)
     sim.reset()
     sim.run(5)

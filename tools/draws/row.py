@@ -6,8 +6,8 @@ import numpy as np
 
 from tools.draws.scenes import Draw
 from wsim.geometry import primitives, topology
-from wsim.geometry.triangulate import triangulate
-from wsim.physics.selfcontact.crossings import crossings
+from wsim.geometry.triangulate import triangulate_polygons
+from wsim.physics.contact.selfcontact.crossings import crossed_triangles
 from wsim.scene import Box, Surface
 from wsim.simulation.simulation import Simulation
 
@@ -35,11 +35,11 @@ def crossed(sim) -> int:
     own, time_ = len(triangles), sim.frame * sim.plan.clock.dt
     for c in (c for c in sim.scene.colliders if isinstance(c.shape, Box | Surface)):
         M, box = c.motion.at(time_), isinstance(c.shape, Box)
-        p, faces = primitives.box(c.shape.half) if box else (c.shape.points, triangulate(
+        p, faces = primitives.box_outline(c.shape.half) if box else (c.shape.points, triangulate_polygons(
             c.shape.points, c.shape.counts, c.shape.indices)[0])
         triangles = np.concatenate([triangles, faces + len(points)])
         points = np.concatenate([points, np.asarray(p, np.float32).astype(np.float64) @ M[:3, :3].T + M[:3, 3]])
-    return len(crossings(points, triangles, own=own))
+    return len(crossed_triangles(points, triangles, own=own))
 
 
 def momentum(sim) -> tuple[np.ndarray, float]:
@@ -52,7 +52,7 @@ def strain(sim) -> float:
     """Largest relative change of an edge of a surface [1]."""
     found = 0.0
     for b in sim.model.bodies:
-        ends = topology.edges(b.triangles) - b.first
+        ends = topology.edges_of_triangles(b.triangles) - b.first
         x, order = sim.positions(b.path), np.argsort(b.index)
         now, rest = (np.linalg.norm(p[ends[:, 1]] - p[ends[:, 0]], axis=1) for p in (x[order], b.rest))
         found = max(found, float(np.abs(now / rest - 1.0).max()))

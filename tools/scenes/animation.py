@@ -11,8 +11,8 @@ from tools.usda import block, ground, listed, moved, number, pin, scene, setting
 from wsim.scene import shapes
 from wsim.scene.curve import Curve
 from wsim.scene.curve.arc import evenly
-from wsim.usd.stage import Units
-from wsim.usd.transforms.splines import spline_of
+from wsim.usd.stage import StageUnits
+from wsim.usd.transforms.splines import spline_from_curve
 
 FPS, FRAMES = 24, 96
 AXES = "XYZ"
@@ -21,7 +21,7 @@ AXES = "XYZ"
 def spline(attribute: str, curve: Curve) -> str:
     """`double ATTRIBUTE.spline = { ... }` as USD writes it, numbers with six digits."""
     stage = Usd.Stage.CreateInMemory()
-    made = spline_of(curve, Units(fps=FPS))
+    made = spline_from_curve(curve, StageUnits(fps=FPS))
     UsdGeom.Xform.Define(stage, "/A").AddTranslateXOp().GetAttr().SetSpline(made)
     lines = stage.GetRootLayer().ExportToString().split("\n")
     first = next(k for k, line in enumerate(lines) if ".spline" in line)
@@ -117,7 +117,8 @@ def graph(name: str, along: Curve, up: Curve, color) -> str:
 
 def ball(name: str, along: Curve, up: Curve, color, first: bool) -> str:
     """Its place by splines; of an easing that is none, by samples with their kind beside them."""
-    rises = spline("xformOp:translateY", up) if spline_of(up, Units(fps=FPS)) is not None else sampled("xformOp:translateY", up)
+    rises = spline("xformOp:translateY",
+                   up) if spline_from_curve(up, StageUnits(fps=FPS)) is not None else sampled("xformOp:translateY", up)
     body = (f"double radius = 0.045\n{spline('xformOp:translateX', along)}\n{rises}\n"
             f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]\n"
             + ops("xformOp:translateX", "xformOp:translateY"))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tools.usda import block, listed, number, said
-from wsim.scene.fabric import FABRICS, Fabric, bend_of_fibres, isotropic
+from wsim.scene.fabric import FABRICS, Fabric, bend_of_fibres, isotropic_fabric
 
 SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsCollisionAPI", "WsimClothAPI", ' \
        '"MaterialBindingAPI"]'
@@ -15,7 +15,7 @@ SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsC
 # holds its threads, so that it bends like a plate; without it fibres slide on each other, and it bends a hundred times as much.
 SAILCLOTH = Fabric(stretch=5.0e3, shear=1.0e3, bend=1.0e-3, thickness=2.5e-4, density=170.0e-3 / 2.5e-4)
 # Bounds of how these bend, from before they were compared with drape coefficients: free fibres, and a plate.
-BOUNDS = {"cotton": bend_of_fibres(0.220, 5.0e6, 14.0e-6), "leather": isotropic(16.5e6 / 0.55, 0.30, 0.8e-3, 900.0).bend}
+BOUNDS = {"cotton": bend_of_fibres(0.220, 5.0e6, 14.0e-6), "leather": isotropic_fabric(16.5e6 / 0.55, 0.30, 0.8e-3, 900.0).bend}
 USED = {name: replace(f, bend=BOUNDS.get(name, f.bend)) for name, f in {**FABRICS, "sailcloth": SAILCLOTH}.items()}
 
 

@@ -29,8 +29,8 @@ def attached(name: str, body: str, points, target: str, places: tuple[np.ndarray
 def over(x: np.ndarray, triangles: np.ndarray, faces: np.ndarray, places: np.ndarray, one=None) -> tuple:
     """Face nearest to each place (k, 3) [m], of triangles (t, 3) that stand at the front of those faces, and (u, v, h) on it.
     one: a place (3,) to which the face of all is nearest."""
-    chosen = np.array([skinning.nearest(x[triangles], place if one is None else one) for place in places])
-    return faces[chosen], skinning.coordinates(x[triangles[chosen]], places)
+    chosen = np.array([skinning.nearest_triangle(x[triangles], place if one is None else one) for place in places])
+    return faces[chosen], skinning.triangle_coordinates(x[triangles[chosen]], places)
 
 
 def camera(at: tuple, turn: float, tilt: float, comment: str) -> str:
@@ -109,7 +109,7 @@ def twisting() -> str:
         a = 2.0 * pi * max(frame - 12, 0) / 42.0
         T.append([(0.12 * sin(0.5 * a), heights[0], 0.0), *((0.0, h, 0.0) for h in heights[1:])])
         turns = [(0.12 * sin(a), 0.35 * sin(a), 0.0), (0.15 * (1.0 - cos(a)), 0.9 * sin(a), 0.0), (0.0, 0.5 * sin(a), 0.0)]
-        Q.append(rotation.exponential(np.array(turns))[:, [3, 0, 1, 2]])
+        Q.append(rotation.quaternion_exponential(np.array(turns))[:, [3, 0, 1, 2]])
     lines = ["float3[] translations.timeSamples = {", *(f"    {f}: {listed(t)}," for f, t in zip(keys, T, strict=True)), "}",
              "quatf[] rotations.timeSamples = {", *(f"    {f}: {listed(q)}," for f, q in zip(keys, Q, strict=True)), "}",
              "half3[] scales = [(1, 1, 1), (1, 1, 1), (1, 1, 1)]"]

@@ -9,7 +9,7 @@ import numpy as np
 from tools.scenes.cloth import cloth
 from tools.scenes.cloth import material as fabric_material
 from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
-from wsim.geometry.tetra.tets import surface
+from wsim.geometry.tetra.tets import tet_surface_triangles
 from wsim.scene import shapes
 from wsim.scene.solid import Bulk
 from wsim.usd import load
@@ -41,7 +41,7 @@ def solid_block(name: str, size, cells, of: str, color, comment: str, place: str
     body = "\n".join(filter(None, [
         f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
         f"point3f[] points = {listed(points)}",
-        f"int4[] tetVertexIndices = {listed(tets)}", f"int3[] surfaceFaceVertexIndices = {listed(surface(tets))}",
+        f"int4[] tetVertexIndices = {listed(tets)}", f"int3[] surfaceFaceVertexIndices = {listed(tet_surface_triangles(tets))}",
         looks(of, color), place]))
     return block("TetMesh", name, body, BODY, comment)
 
@@ -172,7 +172,7 @@ def bunny() -> str:
     tets = "\n".join(['uniform token purpose = "guide"',
                       f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
                       f"point3f[] points = {listed(points)}", f"int4[] tetVertexIndices = {listed(cage.tets)}",
-                      f"int3[] surfaceFaceVertexIndices = {listed(surface(cage.tets))}",
+                      f"int3[] surfaceFaceVertexIndices = {listed(tet_surface_triangles(cage.tets))}",
                       f"float[] wsim:filled = {listed(np.round(cage.filled, 3))}",
                       "rel material:binding:physics = </World/Jelly>"])
     look = block("Mesh", "Look", "color3f[] primvars:displayColor = [(0.62, 0.3, 0.2)]", comment="The bunny as it was "

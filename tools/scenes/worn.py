@@ -19,7 +19,7 @@ def leaning(frames: int) -> str:
         a = 2.0 * pi * max(frame - 8, 0) / 40.0
         T = [(0.06 * sin(a), heights[0], 0.0), *((0.0, h, 0.0) for h in heights[1:])]
         turns = [(0.0, 0.2 * sin(a), -0.1 * sin(a)), (0.1 * sin(2.0 * a), 0.5 * sin(a), 0.0), (0.0, 0.4 * sin(a), 0.0)]
-        lines.append((T, rotation.exponential(np.array(turns))[:, [3, 0, 1, 2]]))
+        lines.append((T, rotation.quaternion_exponential(np.array(turns))[:, [3, 0, 1, 2]]))
     body = [f"uniform token[] joints = [{named}]"]
     for k, name in enumerate(("float3[] translations", "quatf[] rotations")):
         body += [f"{name}.timeSamples = {{", *(f"    {f}: {listed(row[k])}," for f, row in zip(keys, lines, strict=True)), "}"]

@@ -17,10 +17,10 @@ import numpy as np
 
 from tools.stress.solids import Solid, solid
 from wsim.geometry import topology
-from wsim.model.model import Body, make_body
+from wsim.model.model import PointBody, make_body
 from wsim.physics.cloth import bending
-from wsim.physics.cloth.kinds.membrane import flat
-from wsim.physics.cloth.painted import factors
+from wsim.physics.cloth.kinds.membrane import flat_edge_matrices
+from wsim.physics.cloth.painted import stretch_factors
 from wsim.scene import Cloth, Scene, Soft, Springs
 
 
@@ -110,7 +110,7 @@ def elastic_of(scene: Scene) -> list[tuple[str, Elastic | Solid]]:
     return found
 
 
-def _elastic(source: Cloth | Springs, body: Body, held: np.ndarray) -> Elastic:
+def _elastic(source: Cloth | Springs, body: PointBody, held: np.ndarray) -> Elastic:
     back = np.empty(body.count, int)                    # place in the arrays -> author's point
     back[body.index] = np.arange(body.count)
     rest, masses = body.rest[body.index], body.masses[body.index]
@@ -123,18 +123,18 @@ def _elastic(source: Cloth | Springs, body: Body, held: np.ndarray) -> Elastic:
         return Elastic(edges, lengths, k, triangles, np.zeros((0, 2, 2)), np.zeros(0), (0.0, 0.0, 0.0),
                        np.zeros((0, 4), int), np.zeros(0), np.zeros((0, 2)), weights, masses)
     lengths, fabric = _length(rest, edges), source.material
-    Dm, areas = flat(rest[triangles])
+    Dm, areas = flat_edge_matrices(rest[triangles])
     good, kept = areas > 0.0, lengths > 0.0
-    hinges = topology.hinges(triangles)
+    hinges = topology.hinges_of_triangles(triangles)
     p, base = rest[hinges], _length(rest, hinges[:, :2])
     double = np.stack([np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, k] - p[:, 0]), axis=1) for k in (2, 3)], axis=1)
     sound = (double > 0.0).all(axis=1)
     hinges, base, double = hinges[sound], base[sound], double[sound]
     pinned = np.zeros(len(rest), bool)
     pinned[held] = True
-    coupling, inverse = bending.coupling(rest, bending.patches(rest, triangles, hinges, pinned))
+    coupling, inverse = bending.hinge_coupling(rest, bending.sheet_patches(rest, triangles, hinges, pinned))
     bends = fabric.bend / inverse
-    times = 1.0 if source.stretches is None else factors(source, body.polygon)[good]
+    times = 1.0 if source.stretches is None else stretch_factors(source, body.polygon)[good]
     return Elastic(edges[kept], lengths[kept], np.zeros(int(kept.sum())), triangles[good], np.linalg.inv(Dm[good]),
                    areas[good], (times * fabric.stretch, times * fabric.shear, fabric.poisson), hinges, bends,
                    double / base[:, None], weights, masses, coupling if len(hinges) else None)

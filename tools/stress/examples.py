@@ -97,16 +97,16 @@ def steps(scene: Scene, solver: Solver) -> int:
     import warp as wp
 
     from wsim.model import model
-    from wsim.physics.cloth.constraints import constrain
+    from wsim.physics.cloth.constraints import fill_constraints
     from wsim.physics.motion import frequency
-    from wsim.physics.motion.stability import needed
+    from wsim.physics.motion.stability import substeps_needed
     from wsim.scene.integrator import TABLE
-    built = model.build(scene, 1, wp.get_device("cpu"), wp.float64)
-    constrain(built)
-    omega, c = frequency.bound(built)
+    built = model.build_model(scene, 1, wp.get_device("cpu"), wp.float64)
+    fill_constraints(built)
+    omega, c = frequency.frequency_bound(built)
     assert solver.needs is not None
     grown = STRETCHED if scene.softs else 1.0
-    return max(needed(scene, TABLE[solver.integrator], omega, c), ceil(1.05 * solver.needs(grown * omega) / scene.fps))
+    return max(substeps_needed(scene, TABLE[solver.integrator], omega, c), ceil(1.05 * solver.needs(grown * omega) / scene.fps))
 
 
 def run(name: str, solver: str, scene: Scene, frames: int, device, precision: str) -> Example:

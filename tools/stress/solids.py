@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.bench.soft.material import density, signed_svd
-from wsim.geometry.tetra.tets import gradients, volumes
-from wsim.model.model import Body
+from wsim.geometry.tetra.tets import barycentric_gradients, signed_tet_volumes
+from wsim.model.model import PointBody
 from wsim.scene import Soft
 
 
@@ -53,7 +53,7 @@ class Solid:
         return float(np.sqrt(np.linalg.eigvalsh(K.reshape(3 * n, 3 * n))[-1]))
 
 
-def solid(source: Soft, body: Body, held: np.ndarray) -> Solid:
+def solid(source: Soft, body: PointBody, held: np.ndarray) -> Solid:
     """`held` (k,) points of hard pins. ValueError for a body of several materials: one is enough for abuse."""
     if source.others or source.filled is not None:
         raise ValueError(f"{source.path}: a body of one material, filled everywhere, is what is understood here")
@@ -62,4 +62,5 @@ def solid(source: Soft, body: Body, held: np.ndarray) -> Solid:
     weights = 1.0 / masses
     weights[held] = 0.0
     mu, lam = m.young / (2.0 * (1.0 + m.poisson)), m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - 2.0 * m.poisson))
-    return Solid(source.tets, gradients(rest, source.tets), volumes(rest, source.tets), m.model, (mu, lam), weights, masses)
+    return Solid(source.tets, barycentric_gradients(rest, source.tets), signed_tet_volumes(rest, source.tets), m.model,
+                 (mu, lam), weights, masses)

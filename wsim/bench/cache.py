@@ -25,7 +25,7 @@ FORMAT = 1
 NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"}       # change no motion, or say so otherwise
 
 
-def folder() -> Path:
+def report_cache_folder() -> Path:
     """Folder of this user's reports: the system's place for caches. Raises OSError where there is no home folder."""
     named = os.environ.get("XDG_CACHE_HOME", "")
     try:
@@ -43,54 +43,56 @@ def folder() -> Path:
     return base / "wsim" / "bench"
 
 
-def plain(value, scene: Scene):
+def plain_scene_value(value, scene: Scene):
     """A value of a scene as nested lists of what JSON knows, without the names of things; arrays by hash."""
     if isinstance(value, np.ndarray):
         whole = np.ascontiguousarray(value)
         return [str(whole.dtype), list(whole.shape), hashlib.sha256(whole.tobytes()).hexdigest()]
     if isinstance(value, Curve):
-        more = [] if value.plain else [[value.kind, plain(vars(value).get("inner"), scene)],
-                                       *(plain(v, scene) for v in (value.before, value.after, value.how))]
-        return [type(value).__name__, plain(value.times, scene), plain(value.values, scene), *more]
+        more = [] if value.plain else [[value.kind, plain_scene_value(vars(value).get("inner"), scene)],
+                                       *(plain_scene_value(v, scene) for v in (value.before, value.after, value.how))]
+        return [type(value).__name__, plain_scene_value(value.times, scene), plain_scene_value(value.values, scene), *more]
     if is_dataclass(value):
-        return [type(value).__name__, *([f.name, plain(_field(value, f.name, scene), scene)] for f in fields(value)
+        return [type(value).__name__,
+                *([f.name, plain_scene_value(_plain_field_value(value, f.name, scene), scene)] for f in fields(value)
                                         if f.name not in NAMES or isinstance(value, Varying))]
     if isinstance(value, dict):
-        return [[name, plain(each, scene)] for name, each in sorted(value.items())]
+        return [[name, plain_scene_value(each, scene)] for name, each in sorted(value.items())]
     if isinstance(value, (list, tuple)):
-        return [plain(v, scene) for v in value]
+        return [plain_scene_value(v, scene) for v in value]
     return repr(value.item() if hasattr(value, "item") else value)
 
 
-def _field(thing, name: str, scene: Scene):
+def _plain_field_value(thing, name: str, scene: Scene):
     """A field; for what a pin, tie, load or value that varies names its number, for frames those that a bench looks at."""
-    from wsim.bench.study import looked_at
+    from wsim.bench.study import default_bench_frames
     value = getattr(thing, name)
     if name in ("body", "other"):
         return [body.path for body in scene.bodies()].index(value)
     if isinstance(thing, Varying) and name == "path":
         return ["/", *(t.path for t in [*scene.bodies(), *scene.colliders])].index(value)
-    return looked_at(scene) if name == "frames" and thing is scene else value
+    return default_bench_frames(scene) if name == "frames" and thing is scene else value
 
 
-def key(scene: Scene, hardware: str, versions: dict[str, str]) -> str:
+def report_cache_key(scene: Scene, hardware: str, versions: dict[str, str]) -> str:
     """Name of the report of this scene on that hardware with those versions."""
-    return hashlib.sha256(json.dumps([FORMAT, plain(scene, scene), hardware, sorted(versions.items())]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([FORMAT, plain_scene_value(scene, scene), hardware,
+                                      sorted(versions.items())]).encode()).hexdigest()
 
 
-def write(name: str, report: Report) -> Path:
+def cache_report(name: str, report: Report) -> Path:
     """Keeps a report: the file is there whole or not at all. Raises OSError where it cannot be written."""
-    place = folder() / f"{name}.json"
+    place = report_cache_folder() / f"{name}.json"
     place.parent.mkdir(parents=True, exist_ok=True)
     replace_text(place, as_json({"format": FORMAT, "key": name, "report": report.as_dict()}))
     return place
 
 
-def read(name: str) -> tuple[Report | None, str]:
+def read_cached_report(name: str) -> tuple[Report | None, str]:
     """The report of that name, or None; and what to warn of where a file is there that is no report."""
     place = Path(f"{name}.json")
     try:
-        place = folder() / place
+        place = report_cache_folder() / place
         data = json.loads(place.read_text(encoding="utf-8"))
         if data["format"] != FORMAT or data["key"] != name:
             raise ValueError("it is of another scene or version")

@@ -15,7 +15,7 @@ MARGIN = 0.2           # of a frame's time that "real time" leaves for everythin
 
 
 @dataclass
-class Measured:
+class MeasuredSetting:
     """One setting and what it gave. Errors are RMS distances of the points from the reference over the scene's size."""
 
     setting: Setting
@@ -39,40 +39,42 @@ class Measured:
         return {**self.setting.as_dict(), **{k: v for k, v in asdict(self).items() if k != "setting"}}
 
     @staticmethod
-    def from_dict(data: dict) -> "Measured":
+    def from_dict(data: dict) -> "MeasuredSetting":
         """Raises KeyError, TypeError or ValueError where the data is no row."""
         setting = Setting(*(kind(data[f.name]) for f, kind in zip(fields(Setting), (str, str, int, int, str), strict=True)))
         numbers = {name: None if data[name] is None else float(data[name])
                    for name in ("end", "largest", "drift", "residual", "strain")}
         if setting.substeps < 1 or setting.iterations < 1 or not float(data["ms"]) > 0.0:
             raise ValueError(f"no row: {data}")
-        return Measured(setting, float(data["ms"]), **numbers, note=str(data["note"]),
+        return MeasuredSetting(setting, float(data["ms"]), **numbers, note=str(data["note"]),
                    held=bool(data["held"]), own=bool(data["own"]))
 
 
-def front(rows: Sequence[Measured], doubt: float = 0.0) -> list[Measured]:
+def pareto_front(rows: Sequence[MeasuredSetting], doubt: float = 0.0) -> list[MeasuredSetting]:
     """The rows that are on the front, fastest first. Of equals the first one is; what did not hold is not.
 
     Errors below `doubt`, the reference's own, are equal: the fastest of them ends the front.
     """
-    found: list[Measured] = []
+    found: list[MeasuredSetting] = []
     for row in sorted(rows, key=lambda r: (r.ms, r.error)):
         if row.held and row.error < inf and (not found or max(row.error, doubt) < max(found[-1].error, doubt)):
             found.append(row)
     return found
 
 
-def within_error(rows: Sequence[Measured], error: float, doubt: float = 0.0) -> Measured | None:
+def within_error(rows: Sequence[MeasuredSetting], error: float, doubt: float = 0.0) -> MeasuredSetting | None:
     """The fastest whose largest error, and the reference's own, `doubt`, stay within `error`; None if there is none."""
-    return _best([r for r in rows if r.largest is not None and r.largest + doubt <= error], lambda r: (r.ms, r.error))
+    return _best_by_rank([r for r in rows if r.largest is not None and r.largest + doubt <= error], lambda r: (r.ms, r.error))
 
 
-def within_time(rows: Sequence[Measured], dt: float, margin: float = MARGIN, most: float = inf) -> Measured | None:
+def within_time(rows: Sequence[MeasuredSetting], dt: float, margin: float = MARGIN,
+                most: float = inf) -> MeasuredSetting | None:
     """The most accurate that takes at most dt [s] less the margin and errs by `most` at most; None if there is none."""
-    return _best([r for r in rows if r.ms <= 1e3 * dt * (1.0 - margin) and r.error <= most], lambda r: (r.error, r.ms))
+    return _best_by_rank([r for r in rows if r.ms <= 1e3 * dt * (1.0 - margin) and r.error <= most], lambda r: (r.error, r.ms))
 
 
-def _best(rows: Sequence[Measured], rank: Callable[[Measured], tuple[float, float]]) -> Measured | None:
+def _best_by_rank(rows: Sequence[MeasuredSetting],
+                  rank: Callable[[MeasuredSetting], tuple[float, float]]) -> MeasuredSetting | None:
     """The first by rank of those that held; float64, the measuring instrument, only where no float32 will do."""
     good = [r for r in rows if r.held and r.error < inf]
     return min([r for r in good if r.setting.precision == "float32"] or good, key=rank, default=None)

@@ -3,10 +3,10 @@
 import os
 from typing import TYPE_CHECKING
 
-from wsim.bench.front import Measured
+from wsim.bench.front import MeasuredSetting
 from wsim.bench.report import GOALS, Report
 from wsim.scene import Problem, SceneError
-from wsim.usd.result.atomic import replacing
+from wsim.usd.result.atomic import replace_file_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ OTHER = "D"                                                                     
 LINES = {1: ":", 4: "-", 16: "--"}                                               # by iterations
 
 
-def needed() -> None:
+def require_plotting() -> None:
     """Raises SceneError where matplotlib is missing: found out before the bench and not after it."""
     try:
         import matplotlib  # noqa: F401
@@ -27,9 +27,9 @@ def needed() -> None:
         raise SceneError(Problem("--plot", MISSING)) from None
 
 
-def plot(report: Report, place: str) -> None:
+def plot_bench_report(report: Report, place: str) -> None:
     """Draws a report as .png or .svg, whole or not at all."""
-    needed()
+    require_plotting()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -38,16 +38,16 @@ def plot(report: Report, place: str) -> None:
     axes = figure.add_subplot(xscale="log", yscale="log")
     rows = [r for r in report.rows if 0.0 < r.error < float("inf")]          # what a logarithm knows
     axes.set_ylim(min((r.error for r in rows), default=1e-3) / 3.0, max((r.error for r in rows), default=1.0) * 2.0)
-    _series(axes, rows)
-    _marked(axes, report, rows)
-    _goals(axes, report)
-    _axes(axes, report)
+    _draw_setting_series(axes, rows)
+    _mark_recommended_settings(axes, report, rows)
+    _draw_error_goals(axes, report)
+    _style_plot_axes(axes, report)
     figure.legend(loc="outside right upper", frameon=False, fontsize=8)
-    with replacing(place, os.path.splitext(place)[1].lower()) as whole:
+    with replace_file_atomically(place, os.path.splitext(place)[1].lower()) as whole:
         figure.savefig(whole)
 
 
-def _axes(axes: "Axes", report: Report) -> None:
+def _style_plot_axes(axes: "Axes", report: Report) -> None:
     """Scales, names, grid, title."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
     axes.set(xlabel="time of a frame [ms]",
@@ -67,9 +67,9 @@ def _axes(axes: "Axes", report: Report) -> None:
                    f"{report.hardware}", loc="left", fontsize=10)
 
 
-def _series(axes: "Axes", rows: list[Measured]) -> None:
+def _draw_setting_series(axes: "Axes", rows: list[MeasuredSetting]) -> None:
     """A line for each solver, integrator and iterations, over the substeps; float64 hollow."""
-    groups: dict[tuple, list[Measured]] = {}
+    groups: dict[tuple, list[MeasuredSetting]] = {}
     for row in sorted(rows, key=lambda r: r.setting.substeps):
         s = row.setting
         if s.precision == "float32" and not row.own:
@@ -86,14 +86,14 @@ def _series(axes: "Axes", rows: list[Measured]) -> None:
                       markersize=size, markerfacecolor="none" if row.held else "#ffffff", label=what if k == 0 else "")
 
 
-def _marked(axes: "Axes", report: Report, rows: list[Measured]) -> None:
+def _mark_recommended_settings(axes: "Axes", report: Report, rows: list[MeasuredSetting]) -> None:
     """The front as what can be had for a time, the scene's own setting, and the recommended ones by name."""
     best = [r for r in report.front if r in rows]
     axes.plot([r.ms for r in best], [r.error for r in best], color="#000000", alpha=0.13, linewidth=5,
               drawstyle="steps-post", solid_capstyle="round", solid_joinstyle="round", zorder=0, label="front")
     for row in (r for r in rows if r.own):
         axes.plot(row.ms, row.error, "*", color=COLOURS[row.setting.solver], markeredgecolor="#000000", markersize=12,
-                  label=f"the scene's own:\n{row.setting.integrator.replace('_', ' ')} {_times(row)}")
+                  label=f"the scene's own:\n{row.setting.integrator.replace('_', ' ')} {_substeps_by_iterations(row)}")
     names: dict[str, list[str]] = {}
     for name, chosen in report.recommended.items():
         if chosen and chosen in rows:
@@ -101,17 +101,17 @@ def _marked(axes: "Axes", report: Report, rows: list[Measured]) -> None:
     edge = 3.0 * min((r.ms for r in rows), default=0.0)        # names of what is left of it stand to the right
     for row in (r for r in rows if str(r.setting) in names):
         offset, side = ((-8, -16), "right") if row.ms > edge else ((10, 8), "left")
-        axes.annotate(f"{', '.join(names[str(row.setting)])}: {_times(row)}", (row.ms, row.error), xytext=offset,
-                      textcoords="offset points", ha=side, fontsize=8,
+        axes.annotate(f"{', '.join(names[str(row.setting)])}: {_substeps_by_iterations(row)}", (row.ms, row.error),
+                      xytext=offset, textcoords="offset points", ha=side, fontsize=8,
                       bbox={"boxstyle": "round,pad=0.1", "color": "#ffffff", "alpha": 0.8},
                       arrowprops={"arrowstyle": "-", "color": "#444444", "linewidth": 0.7})
 
 
-def _times(row: Measured) -> str:
+def _substeps_by_iterations(row: MeasuredSetting) -> str:
     return f"{row.setting.substeps} x {row.setting.iterations}"
 
 
-def _goals(axes: "Axes", report: Report) -> None:
+def _draw_error_goals(axes: "Axes", report: Report) -> None:
     """The time that a frame has, what the reference knows, and the errors for which settings are recommended."""
     dt = 1e3 / report.fps
     axes.axvline(dt, color="#888888", linewidth=0.9, linestyle="-.", label=f"real time, {dt:.3g} ms")

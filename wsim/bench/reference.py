@@ -23,8 +23,8 @@ import numpy as np
 
 from wsim.bench.budget import Budget
 from wsim.bench.front import AMPLIFIES, PERTURBED
-from wsim.bench.setting import NEWTON, Setting, first_substeps, smooth
-from wsim.bench.track import LONGEST, Sighting, Trajectory, distance, fine, size
+from wsim.bench.setting import NEWTON, Setting, first_substeps, scene_is_smooth
+from wsim.bench.track import LONGEST, SampledFrames, Trajectory, largest_body_extent, rms_point_distance, run_in_shorter_frames
 from wsim.model.model import hard_places
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE
@@ -43,7 +43,7 @@ UNSURE = 2.0           # times what is to be spent that a guess of seconds must 
 
 
 @dataclass
-class Reference:
+class ReferenceSolution:
     """The finest track and how good it is."""
 
     track: Trajectory
@@ -57,10 +57,10 @@ class Reference:
 
     @property
     def refused(self) -> str:
-        return refused(self.growth, self.error)
+        return reason_errors_are_refused(self.growth, self.error)
 
 
-def refused(growth: np.ndarray, error: float) -> str:
+def reason_errors_are_refused(growth: np.ndarray, error: float) -> str:
     """Reason why errors of positions are not quoted; "" where they are. growth by sampled frame; error of the reference."""
     if growth.max() > AMPLIFIES:
         return f"the scene amplifies perturbations: {PERTURBED:g} of its size at the start grows {growth.max():.3g} times"
@@ -85,7 +85,7 @@ def richardson(differences: Sequence[float], order: int) -> float:
     return last / (ratio - 1.0) if ratio > SHRINKS else inf
 
 
-def leapfrog(scene: Scene, look: Sighting) -> tuple[int, float]:
+def stable_leapfrog_cost(scene: Scene, look: SampledFrames) -> tuple[int, float]:
     """Substeps a frame with which leapfrog is stable, and a guess of its seconds a frame, known beforehand of soft bodies only
     (of others 0: a trial costs little)."""
     auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
@@ -94,10 +94,10 @@ def leapfrog(scene: Scene, look: Sighting) -> tuple[int, float]:
     return stable, stable * (costs["block"] + costs["tet"] * tets) if tets else 0.0
 
 
-def candidates(scene: Scene, stable: int) -> list[tuple[Setting, int]]:
+def reference_methods(scene: Scene, stable: int) -> list[tuple[Setting, int]]:
     """Coarsest setting and order of every method that may serve, the best first; leapfrog is stable with so many substeps."""
     n, sweeps = max(4, first_substeps(scene)), max(scene.iterations, 4)
-    if not smooth(scene):
+    if not scene_is_smooth(scene):
         integrator, order = ("backward_euler", 1) if scene.colliders else ("bdf2", 2)
         solver, repeats = ("implicit", NEWTON[-1]) if scene.softs else ("xpbd", sweeps)
         return [(Setting("explicit", "leapfrog", stable, 1, "float64"), 1),
@@ -106,10 +106,10 @@ def candidates(scene: Scene, stable: int) -> list[tuple[Setting, int]]:
     return newton if scene.softs else [*newton, (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
 
 
-def perturb(sim: Simulation) -> None:
+def perturb_positions(sim: Simulation) -> None:
     """Moves every point that is not pinned hard by PERTURBED of the scene's size, at random, the same every time."""
     rng, pinned = np.random.default_rng(1), hard_places(sim.model)
-    steps = rng.normal(size=(sim.model.points, 3)) * PERTURBED * size(sim.scene) / 3.0**0.5
+    steps = rng.normal(size=(sim.model.points, 3)) * PERTURBED * largest_body_extent(sim.scene) / 3.0**0.5
     steps[pinned] = 0.0
     for body in sim.scene.bodies():
         sim.set(body.path, "positions", sim.positions(body.path) + steps[sim.model.body(body.path).index])
@@ -118,9 +118,9 @@ def perturb(sim: Simulation) -> None:
 class Refinement:
     """Levels of one method, each with twice the substeps of the one before."""
 
-    def __init__(self, scene: Scene, look: Sighting, coarsest: Setting, order: int, say: Callable[[str], None]):
+    def __init__(self, scene: Scene, look: SampledFrames, coarsest: Setting, order: int, say: Callable[[str], None]):
         self.scene, self.look, self.order, self.say = scene, look, order, say
-        self.size = size(scene)
+        self.size = largest_body_extent(scene)
         self.next = coarsest
         self.tracks: list[Trajectory] = []
         self.differences: list[float] = []
@@ -128,13 +128,13 @@ class Refinement:
         self.notes: list[str] = []
 
     @property
-    def finest(self) -> Trajectory:
+    def finest_track(self) -> Trajectory:
         return self.tracks[-1]
 
     @property
     def cost(self) -> float:
         """Seconds that the next level is going to take."""
-        return 2.0 * self.finest.seconds
+        return 2.0 * self.finest_track.seconds
 
     @property
     def error(self) -> float:
@@ -151,42 +151,42 @@ class Refinement:
         if self.next.substeps <= 3 * LONGEST or self.look.frames < 3:
             return 0.0
         self.say(f"reference: one frame of {self.next}")
-        return LEAST * self.look.frames * fine(self.scene, self.next, replace(self.look, frames=1)).seconds
+        return LEAST * self.look.frames * run_in_shorter_frames(self.scene, self.next, replace(self.look, frames=1)).seconds
 
     def refine(self, measured: bool = False) -> None:
         """One more level; `measured`: with its energies and strain, for which kernels are compiled."""
         self.say(f"reference: {self.next}")
-        track = fine(self.scene, self.next, self.look, measured=measured)
+        track = run_in_shorter_frames(self.scene, self.next, self.look, measured=measured)
         if self.tracks:
-            self.differences.append(float(distance(track.places, self.finest.places).max()) / self.size)
+            self.differences.append(float(rms_point_distance(track.places, self.finest_track.places).max()) / self.size)
         self.tracks = [*self.tracks[-1:], track]
-        self.next = self.next.finer()
+        self.next = self.next.with_more_substeps()
 
-    def perturbed(self) -> None:
+    def measure_growth(self) -> None:
         """Measures the growth with the level before the finest, in place of what a coarser one showed."""
         base = self.tracks[0]
         self.say(f"reference: perturbed, {base.setting}")
-        other = fine(self.scene, base.setting, self.look, perturb)
-        moved = distance(other.start[None], base.start[None])[0]
-        self.growth = distance(other.places, base.places) / moved
+        other = run_in_shorter_frames(self.scene, base.setting, self.look, perturb_positions)
+        moved = rms_point_distance(other.start[None], base.start[None])[0]
+        self.growth = rms_point_distance(other.places, base.places) / moved
 
     @property
-    def amplifies(self) -> bool:
+    def amplifies_perturbations(self) -> bool:
         return bool(self.growth.max() > AMPLIFIES)
 
     def sweeps(self) -> float:
         """Change of the level before the finest by twice the iterations, over the scene's size [1]."""
         base = self.tracks[0]
         self.say(f"reference: twice the iterations of {base.setting}")
-        more = fine(self.scene, replace(base.setting, iterations=2 * base.setting.iterations), self.look)
-        return float(distance(more.places, base.places).max()) / self.size
+        more = run_in_shorter_frames(self.scene, replace(base.setting, iterations=2 * base.setting.iterations), self.look)
+        return float(rms_point_distance(more.places, base.places).max()) / self.size
 
 
-def make(scene: Scene, look: Sighting, budget: Budget, say: Callable[[str], None]) -> Reference:
+def make_reference_solution(scene: Scene, look: SampledFrames, budget: Budget, say: Callable[[str], None]) -> ReferenceSolution:
     """The best reference that SHARE of the budget pays for. Raises SceneError where nothing moves or nothing runs."""
     began, notes = budget.spent, []
-    stable, guess = leapfrog(scene, look)
-    found = candidates(scene, stable)
+    stable, guess = stable_leapfrog_cost(scene, look)
+    found = reference_methods(scene, stable)
     for k, (coarsest, order) in enumerate(found):
         last = k + 1 == len(found)
         r, allowed = Refinement(scene, look, coarsest, order, say), inf if last else budget.left(SHARE)
@@ -198,50 +198,51 @@ def make(scene: Scene, look: Sighting, budget: Budget, say: Callable[[str], None
             cost = r.tried() if not last else 0.0
             if cost <= allowed:
                 r.refine()
-                cost = LEAST * r.finest.seconds
+                cost = LEAST * r.finest_track.seconds
         except SceneError as error:
             if last:
                 raise
             notes.append(f"{coarsest}: {error.problems[0].text}")
             continue
         if last or cost <= allowed:
-            return replace(_refined(r, budget, began, notes), leapfrog=guess)
+            return replace(_refine_within_budget(r, budget, began, notes), leapfrog=guess)
         notes.append(f"{coarsest} would take about {cost:.0f} s")
     raise AssertionError("there is always a last candidate")
 
 
-def _refined(r: Refinement, budget: Budget, began: float, notes: list[str]) -> Reference:
+def _refine_within_budget(r: Refinement, budget: Budget, began: float, notes: list[str]) -> ReferenceSolution:
     """Goes on refining while it helps and is paid for."""
-    _moves(r)
-    if r.finest.seconds <= budget.left():
-        r.perturbed()
+    _require_moving_scene(r)
+    if r.finest_track.seconds <= budget.left():
+        r.measure_growth()
     while len(r.differences) < LEVELS and not r.known(budget):
         hopeless = r.growth.max() > (AMPLIFIES if len(r.differences) > 1 else HOPELESS)
         if hopeless or r.cost > budget.left(SHARE if r.differences else 1.0):
             break
         r.refine()
         if len(r.differences) == 2:
-            r.perturbed()                                      # once more: coarse steps damp, and give way
+            r.measure_growth()                                 # once more: coarse steps damp, and give way
     error = r.error
-    direct = r.finest.setting.solver == "explicit" and smooth(r.scene)             # nothing is iterated
-    if not direct and not refused(r.growth, error):
-        if r.finest.seconds <= budget.left(SHARE):
+    direct = r.finest_track.setting.solver == "explicit" and scene_is_smooth(r.scene)  # nothing is iterated
+    if not direct and not reason_errors_are_refused(r.growth, error):
+        if r.finest_track.seconds <= budget.left(SHARE):
             error += r.sweeps()
         else:
             notes.append("whether its iterations are enough was not looked at: the budget is spent")
-    if len(r.differences) == 1 and error > 1e-2 * TARGET and not r.amplifies:
+    if len(r.differences) == 1 and error > 1e-2 * TARGET and not r.amplifies_perturbations:
         notes.append(f"its error is from one refinement, believing in order {r.order}")
     ratios = r.differences[-2:]
     ratio = ratios[0] / ratios[1] if len(ratios) == 2 and ratios[1] else nan
-    if refused(r.growth, error) and budget.left():
+    if reason_errors_are_refused(r.growth, error) and budget.left():
         if r.differences or r.cost > budget.left(SHARE):
-            r.next = r.finest.setting                          # the same again, with its energies
+            r.next = r.finest_track.setting                    # the same again, with its energies
         r.refine(measured=True)
-    return Reference(r.finest, error, ratio, r.growth, budget.spent - began, [*notes, *r.finest.notes], r.finest.found)
+    return ReferenceSolution(r.finest_track, error, ratio, r.growth, budget.spent - began, [*notes, *r.finest_track.notes],
+                             r.finest_track.found)
 
 
-def _moves(r: Refinement) -> None:
-    moved = float(distance(r.finest.places, r.finest.start[None]).max()) / r.size
+def _require_moving_scene(r: Refinement) -> None:
+    moved = float(rms_point_distance(r.finest_track.places, r.finest_track.start[None]).max()) / r.size
     if moved < 1e-9:
         raise SceneError(Problem("/", f"nothing moves in the first {r.look.frames} frames (by {moved:.1g} of its size): no "
                                  "error can be measured; look at more --frames, or at gravity, velocities and pins"))

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from math import inf, isfinite
 
-from wsim.bench.front import AMPLIFIES, MARGIN, PERTURBED, Measured, front, within_error, within_time
-from wsim.simulation.measure.columns import columns
+from wsim.bench.front import AMPLIFIES, MARGIN, PERTURBED, MeasuredSetting, pareto_front, within_error, within_time
+from wsim.simulation.measure.columns import text_columns
 
 CALM = 0.1                             # energy beside the reference's that a recommendation bears
 GOALS = (0.01, 0.001)                  # errors for which settings are recommended
@@ -27,26 +27,26 @@ class Report:
     growth: list[float]                # of a perturbation, by sampled frame
     sampled: list[int]                 # those frames
     refused: str                       # why errors of positions are not quoted; "" where they are
-    rows: list[Measured] = field(default_factory=list)
+    rows: list[MeasuredSetting] = field(default_factory=list)
     left_out: list[dict] = field(default_factory=list)
     seconds: float = 0.0               # that the bench took
 
-    def recommend(self, error: float) -> Measured | None:
+    def recommend(self, error: float) -> MeasuredSetting | None:
         """The fastest setting within an error (0.01: 1 % of the size); None if none was found."""
         return None if self.refused else within_error(self.rows, error, self.reference["error"])
 
     @property
-    def real_time(self) -> Measured | None:
+    def real_time(self) -> MeasuredSetting | None:
         """The most accurate setting within the time of a frame, less a margin."""
         return within_time(self.rows, 1.0 / self.fps, most=CALM if self.refused else inf)
 
     @property
-    def front(self) -> list[Measured]:
+    def front(self) -> list[MeasuredSetting]:
         """Fastest first."""
-        return front(self.rows, 0.0 if self.refused else self.reference["error"])
+        return pareto_front(self.rows, 0.0 if self.refused else self.reference["error"])
 
     @property
-    def recommended(self) -> dict[str, Measured | None]:
+    def recommended(self) -> dict[str, MeasuredSetting | None]:
         return {"real time": self.real_time, **{f"{100 * e:g} %": self.recommend(e) for e in GOALS}}
 
     def as_dict(self) -> dict:
@@ -58,8 +58,8 @@ class Report:
     def from_dict(data: dict) -> "Report":
         """Raises KeyError, TypeError or ValueError where the data is no report."""
         values = {name: data[name] for name in Report.__dataclass_fields__}
-        values["rows"] = [Measured.from_dict(row) for row in data["rows"]]
-        values["reference"] = {**data["reference"], "error": _number(data["reference"]["error"])}
+        values["rows"] = [MeasuredSetting.from_dict(row) for row in data["rows"]]
+        values["reference"] = {**data["reference"], "error": _number_from_json(data["reference"]["error"])}
         report = Report(**values)
         if not (report.fps > 0.0 and isinstance(report.refused, str) and report.frames > 0):
             raise ValueError("no report")
@@ -67,12 +67,12 @@ class Report:
 
     def text(self) -> str:
         """The table and what follows from it."""
-        return "\n".join([*self._head(), *self._table(), *self._recommended(),
+        return "\n".join([*self._head(), *self._table(), *self._recommendation_lines(),
                           *self._left_out(), f"took      {self.seconds:.3g} s"])
 
     def _head(self) -> list[str]:
         r, where = self.reference, self.device if self.hardware == self.device else f"{self.device} ({self.hardware})"
-        known = f"estimated error {percent(r['error'])}" if isfinite(r["error"]) else "not refined"
+        known = f"estimated error {format_percent(r['error'])}" if isfinite(r["error"]) else "not refined"
         known = "not refined" if max(self.growth) > AMPLIFIES and r["ratio"] is None else known
         ratio = "" if r["ratio"] is None else f", differences fall by {r['ratio']:.3g} a level"
         grown = f"grows {max(self.growth):.3g} times" if any(self.growth) else "was not followed: the budget is spent"
@@ -107,31 +107,32 @@ class Report:
         for row in sorted(self.rows, key=lambda r: (r.setting.solver, r.setting.integrator, r.setting.precision,
                                                     r.setting.iterations, r.setting.substeps)):
             s = row.setting
-            values = ((percent(row.drift, sign=True), short(row.residual), percent(row.strain)) if self.refused else
-                      (self._error(row.end), self._error(row.largest), ""))
+            values = ((format_percent(row.drift, sign=True), format_short_number(row.residual), format_percent(row.strain))
+                      if self.refused else (self._format_error(row.end), self._format_error(row.largest), ""))
             note = "; ".join(filter(None, ["the scene's own" * row.own, row.note]))
             rows.append(("*" * (id(row) in best), s.solver, s.integrator, f"{s.substeps} x {s.iterations}", f"  {s.precision}",
                          f"{row.ms:.4g}", *values, f"  {note}"))
-        lines = columns(rows, "<<<><>>>><", (2, 10, 16, 15, 12, 9, 11, 11, 12, 0), gap="")
+        lines = text_columns(rows, "<<<><>>>><", (2, 10, 16, 15, 12, 9, 11, 11, 12, 0), gap="")
         return [*(line.rstrip() for line in lines), "* nothing else here is both faster and nearer to the reference"]
 
-    def _error(self, value: float | None) -> str:
+    def _format_error(self, value: float | None) -> str:
         """An error; where it is below what the reference knows, that."""
         doubt = self.reference["error"]
-        return f"< {percent(doubt)}" if value is not None and value < doubt else percent(value)
+        return f"< {format_percent(doubt)}" if value is not None and value < doubt else format_percent(value)
 
-    def _recommended(self) -> list[str]:
+    def _recommendation_lines(self) -> list[str]:
         dt, fast = 1e3 / self.fps, self.real_time
         fastest = min((r.ms for r in self.rows), default=0.0)
         missed = (f"nothing takes less than {(1 - MARGIN) * dt:.3g} ms" + f" and keeps energy within {100 * CALM:g} %" *
                   bool(self.refused) + f"; the fastest takes {fastest:.3g} ms")
-        lines = [f"{'real time':<10}" + (self._line(fast) + f" of {dt:.3g} ms" if fast else missed)]
+        lines = [f"{'real time':<10}" + (self._format_setting_line(fast) + f" of {dt:.3g} ms" if fast else missed)]
         if self.refused:
             return lines
         nearest = min(self.rows, key=lambda r: r.error, default=None)
         for goal in GOALS:
             row = self.recommend(goal)
-            found = self._line(row) if row else "not reached" + (f"; nearest: {self._line(nearest)}" if nearest else "")
+            found = (self._format_setting_line(row) if row
+                     else "not reached" + (f"; nearest: {self._format_setting_line(nearest)}" if nearest else ""))
             lines.append(f"{f'{100 * goal:g} %':<10}{found}")
         return lines
 
@@ -142,19 +143,19 @@ class Report:
             why.setdefault(entry["why"], []).append(entry["setting"])
         return [f"left out  {', '.join(settings)}: {reason}" for reason, settings in why.items()]
 
-    def _line(self, row: Measured) -> str:
-        error = f"energy {percent(row.drift, sign=True)}" if self.refused else f"error {self._error(row.largest)}"
+    def _format_setting_line(self, row: MeasuredSetting) -> str:
+        error = f"energy {format_percent(row.drift, sign=True)}" if self.refused else f"error {self._format_error(row.largest)}"
         return f"{row.setting.options}: {error}, {row.ms:.3g} ms a frame"
 
 
-def _number(value) -> float:
+def _number_from_json(value) -> float:
     return float("inf") if value is None else float(value)
 
 
-def percent(value: float | None, sign: bool = False) -> str:
+def format_percent(value: float | None, sign: bool = False) -> str:
     """0.0123 as 1.23 %; "-" where there is none."""
     return "-" if value is None or not isfinite(value) else f"{100 * value:{'+' if sign else ''}.2g} %"
 
 
-def short(value: float | None) -> str:
+def format_short_number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2g}"

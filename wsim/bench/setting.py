@@ -26,12 +26,12 @@ class Setting:
     iterations: int
     precision: str = "float32"
 
-    def applied(self, scene: Scene) -> Scene:
+    def applied_to_scene(self, scene: Scene) -> Scene:
         """The scene stepped with this setting."""
         return replace(scene, solver=self.solver, integrator=self.integrator, substeps=self.substeps,
                        iterations=self.iterations)
 
-    def finer(self, times: int = 2) -> "Setting":
+    def with_more_substeps(self, times: int = 2) -> "Setting":
         return replace(self, substeps=self.substeps * times)
 
     def as_dict(self) -> dict:
@@ -47,7 +47,7 @@ class Setting:
         return f"{self.solver} {self.integrator} {self.substeps} x {self.iterations} {self.precision}"
 
 
-def smooth(scene: Scene) -> bool:
+def scene_is_smooth(scene: Scene) -> bool:
     """True if nothing but springs, membranes, hinges, tets and pins act: positions depend smoothly on the step."""
     return not scene.colliders and not any(
         c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths)
@@ -61,7 +61,7 @@ def first_substeps(scene: Scene) -> int:
     return n
 
 
-def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
+def first_setting_of_series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
     """The coarsest setting of each series of runs; a series goes on by more substeps. Most promising first."""
     n, implicit = first_substeps(scene), [m for m in TABLE.values() if not m.explicit]
     plain = [m for m in implicit if not m.rebounds]
@@ -70,12 +70,12 @@ def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
         for m in plain:
             if not m.watched or sweeps > 1:                    # it needs its residual
                 yield Setting("xpbd", m.name, n, sweeps)
-    more = [m for m in implicit if m.rebounds and scene.softs and smooth(scene)]
+    more = [m for m in implicit if m.rebounds and scene.softs and scene_is_smooth(scene)]
     for steps in NEWTON[:1] if quick else NEWTON:
         for m in (*plain, *more):
             yield Setting("implicit", m.name, n, steps)
 
 
-def unable(scene: Scene) -> dict[str, str]:
+def unusable_solvers(scene: Scene) -> dict[str, str]:
     """Solvers that are not tried at all, and why."""
     return {"xpbd": "it has no tetrahedra, of which soft bodies are made"} if scene.softs else {}

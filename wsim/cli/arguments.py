@@ -8,17 +8,17 @@ TINY, HUGE = 1e-30, 1e30
 FAR = 1e5                     # [m] as `wsim.scene.check.objects.FAR`
 
 
-def whole(text: str) -> int:
+def parse_positive_count(text: str) -> int:
     """An argument that counts: 1, 2, 3 ..., up to what ends in time."""
-    return _counted(text, 1)
+    return _parse_bounded_count(text, 1)
 
 
-def whole_or_none(text: str) -> int:
+def parse_count_or_zero(text: str) -> int:
     """An argument that counts and may be 0."""
-    return _counted(text, 0)
+    return _parse_bounded_count(text, 0)
 
 
-def _counted(text: str, least: int) -> int:
+def _parse_bounded_count(text: str, least: int) -> int:
     value = int(text)
     from wsim.scene.check.counts import MOST
     if not least <= value <= MOST:
@@ -26,7 +26,7 @@ def _counted(text: str, least: int) -> int:
     return value
 
 
-def length(text: str) -> float:
+def parse_length(text: str) -> float:
     """A length [m] >= 0."""
     value = float(text)
     if not 0.0 <= value <= FAR:
@@ -34,7 +34,7 @@ def length(text: str) -> float:
     return value
 
 
-def height(text: str) -> float:
+def parse_height(text: str) -> float:
     """A height [m], which may be below 0."""
     value = float(text)
     if not -FAR <= value <= FAR:
@@ -42,7 +42,7 @@ def height(text: str) -> float:
     return value
 
 
-def positive(text: str) -> float:
+def parse_positive_number(text: str) -> float:
     """A number > 0, of which squares and quotients are finite too."""
     value = float(text)
     if not TINY <= value <= HUGE:
@@ -50,14 +50,14 @@ def positive(text: str) -> float:
     return value
 
 
-def named(text: str) -> str:
+def parse_nonempty_name(text: str) -> str:
     """The name of a file, a prim or a device: not an empty one, as of a variable that a shell does not know."""
     if not text.strip():
         raise argparse.ArgumentTypeError("it is empty; give a name, or leave the option out")
     return text
 
 
-def fraction(text: str) -> float:
+def parse_error_fraction(text: str) -> float:
     """An error over the scene's size: 1% or 0.01."""
     number, percent, rest = text.partition("%")
     value = float(number) / (100.0 if percent else 1.0)
@@ -66,34 +66,34 @@ def fraction(text: str) -> float:
     return value
 
 
-def _file(text: str, *endings: str) -> str:
+def _file_with_ending(text: str, *endings: str) -> str:
     """A file to write, in a folder that is there: found out now and not after the simulation."""
     if not text.lower().endswith(endings):
         raise argparse.ArgumentTypeError(f"{text} has another ending; allowed is {', '.join(endings)}")
-    return kept(text)
+    return file_in_existing_folder(text)
 
 
-def kept(text: str) -> str:
+def file_in_existing_folder(text: str) -> str:
     """A file, in a folder that is there."""
-    folder = os.path.dirname(os.path.abspath(named(text)))
+    folder = os.path.dirname(os.path.abspath(parse_nonempty_name(text)))
     if not os.path.isdir(folder):
         raise argparse.ArgumentTypeError(f"{text}: there is no folder {folder}; make it first")
     return text
 
 
-def image(text: str) -> str:
-    return _file(text, ".png", ".gif", ".apng", ".mp4")
+def image_file_name(text: str) -> str:
+    return _file_with_ending(text, ".png", ".gif", ".apng", ".mp4")
 
 
-def drawing(text: str) -> str:
-    return _file(text, ".png", ".svg")
+def plot_file_name(text: str) -> str:
+    return _file_with_ending(text, ".png", ".svg")
 
 
-def report(text: str) -> str:
-    return text if text == "-" else _file(text, ".json")
+def report_file_name(text: str) -> str:
+    return text if text == "-" else _file_with_ending(text, ".json")
 
 
-def pixels(text: str) -> tuple[int, int]:
+def parse_pixel_size(text: str) -> tuple[int, int]:
     """960x540"""
     width, _, height = text.lower().partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
@@ -101,7 +101,7 @@ def pixels(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def variant(text: str) -> tuple[str, str, str]:
+def parse_variant_choice(text: str) -> tuple[str, str, str]:
     """/prim:set=variant"""
     prim, _, rest = text.partition(":")
     name, _, value = rest.partition("=")
@@ -110,7 +110,7 @@ def variant(text: str) -> tuple[str, str, str]:
     return prim, name, value
 
 
-def contradiction(args: argparse.Namespace) -> str:
+def conflicting_options(args: argparse.Namespace) -> str:
     """Text about options that exclude each other; "" where none do."""
     if args.command == "run" and args.restart and args.preroll:
         return "--restart goes on from a frame, --preroll settles before the first one: give one of them"
@@ -134,6 +134,6 @@ def contradiction(args: argparse.Namespace) -> str:
     return ""
 
 
-for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (height, "height"), (positive, "number"),
-                     (fraction, "error")):
+for _kind, _name in ((parse_positive_count, "number"), (parse_count_or_zero, "number"), (parse_length, "length"),
+                     (parse_height, "height"), (parse_positive_number, "number"), (parse_error_fraction, "error")):
     _kind.__name__ = _name                      # argparse says "invalid number value"

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from wsim.scene.methods import count, inventory
+from wsim.scene.methods import count_noun, describe_scene_contents
 from wsim.simulation import report as reports
 from wsim.usd.result.as_json import as_json
 
@@ -13,22 +13,22 @@ if TYPE_CHECKING:
 DONE, FAILED = 0, 1
 
 
-def check(load: "Callable[[], Scene]", args) -> int:
+def report_scene_problems(load: "Callable[[], Scene]", args) -> int:
     """`wsim check`: every problem of a scene, its errors first; fails if it cannot be simulated."""
     from wsim.scene import SceneError
-    from wsim.scene.check.scene import check as examine
-    from wsim.usd.result.kinds.places import refused
-    from wsim.usd.settings import without_rate
+    from wsim.scene.check.scene import check_scene as examine
+    from wsim.usd.result.kinds.places import unwritable_prims
+    from wsim.usd.settings import warn_missing_frame_rate
     from wsim.usd.stage import open_stage
 
     scene, problems = None, []
     try:
         scene = load()
-        problems = list(dict.fromkeys([*scene.notes, *examine(scene), *without_rate(args.scene)]))
+        problems = list(dict.fromkeys([*scene.notes, *examine(scene), *warn_missing_frame_rate(args.scene)]))
         if not any(problem.fatal for problem in problems):
-            problems += refused(open_stage(args.scene, scene.variants), scene)
+            problems += unwritable_prims(open_stage(args.scene, scene.variants), scene)
         if not any(problem.fatal for problem in problems):
-            problems += _planned(scene)
+            problems += _problems_of_tables(scene)
     except SceneError as error:
         problems += error.problems
     problems.sort(key=lambda p: not p.fatal)
@@ -40,16 +40,16 @@ def check(load: "Callable[[], Scene]", args) -> int:
     for problem in problems:
         print(problem)
     if scene and not fatal:
-        from wsim.scene.check.contact import taken
-        from wsim.scene.check.slivers import told
-        for text in [*reports.kept(taken(scene)), *told(scene)]:
+        from wsim.scene.check.contact import automatic_thicknesses
+        from wsim.scene.check.slivers import describe_slivers
+        for text in [*reports.kept_distance_lines(automatic_thicknesses(scene)), *describe_slivers(scene)]:
             print(text)
-    counts = f"{args.scene}: {count(fatal, 'error')}, {count(len(problems) - fatal, 'warning')}"
-    print(f"{counts}; {inventory(scene)}" if scene else counts)
+    counts = f"{args.scene}: {count_noun(fatal, 'error')}, {count_noun(len(problems) - fatal, 'warning')}"
+    print(f"{counts}; {describe_scene_contents(scene)}" if scene else counts)
     return FAILED if fatal else DONE
 
 
-def _planned(scene: "Scene") -> "list[Problem]":
+def _problems_of_tables(scene: "Scene") -> "list[Problem]":
     """Problems that the tables of a run say, where a scene has what they may refuse: surfaces that touch themselves, named
     steps, smoothed contacts. Nothing is compiled. Raises SceneError where it cannot run."""
     touching = any(getattr(thing, "self_collision", False) for thing in (*scene.bodies(), *scene.things("Rods")))

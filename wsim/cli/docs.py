@@ -10,7 +10,7 @@ FIRST = ("start", "concepts")              # the order of a reader; the others b
 LAST = ("schema", "frame", "extending", "troubleshooting", "limits")
 
 
-def pages() -> dict[str, Path]:
+def documentation_pages() -> dict[str, Path]:
     """Files by topic, in the order in which one reads them."""
     found = {path.stem: path for path in sorted(FOLDER.glob("*.md"))}
     names = [*FIRST, *(name for name in found if name not in FIRST + LAST), *LAST]
@@ -19,7 +19,7 @@ def pages() -> dict[str, Path]:
 
 def docs(args) -> int:
     """Lists the topics, or prints a page."""
-    found = pages()
+    found = documentation_pages()
     if args.topic is None:
         for name, path in found.items():
             print(f"{name:{max(map(len, found))}}  {path.read_text(encoding='utf-8').partition(chr(10))[0].lstrip('# ')}")

@@ -5,45 +5,46 @@ import sys
 from contextlib import nullcontext
 from dataclasses import replace
 
-from wsim.cli.progress import line
+from wsim.cli.progress import progress_line
 from wsim.fitting.fields.result import FieldFit
 from wsim.fitting.fit import Fit, Settings, fit
 from wsim.fitting.observations.observe import Track
 from wsim.fitting.observations.observed_usd import read
 from wsim.scene import Problem, Scene, SceneError
 from wsim.usd.result.as_json import as_json
-from wsim.usd.result.dependencies import refuse
+from wsim.usd.result.dependencies import refuse_overwrite
 
 
-def run(scene: Scene, args) -> bool:
+def run_fit_command(scene: Scene, args) -> bool:
     """Fits, prints, writes; whether it converged."""
     _check_outputs(scene, args)
 
-    def tracks(paths: list[str]) -> list[Track]:
+    def read_observed_tracks(paths: list[str]) -> list[Track]:
         return [t for path in paths for t in read(path, scene, args.noise, force=args.force_noise)]
 
-    seen, also = tracks(args.to or args.many[:1]), [(scene, tracks([path])) for path in args.many[0 if args.to else 1:]]
+    seen, also = (read_observed_tracks(args.to or args.many[:1]),
+                  [(scene, read_observed_tracks([path])) for path in args.many[0 if args.to else 1:]])
     shared = None if args.shared is None else tuple(args.shared.split(","))
     settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart, shared=shared,
                         copies=args.copies)
-    with line(0) as progress, _team(args, progress.say) as team:
+    with progress_line(0) as progress, _team_of_fit_workers(args, progress.say) as team:
         settings = replace(settings, team=team)
         progress.say("compiling")
 
-        def told(step: dict) -> None:
+        def show_fit_step(step: dict) -> None:
             values = ", ".join(f"{name} {value:.5g}" for name, value in step["values"].items())
             progress.say(f"step {step['step']}: {values}; frames to {step['frame']} of {step['frames']}, "
                          f"{step['simulations']:.3g} simulations")
-        result = fit(scene, seen, args.parameters, also=also, start=pairs("--start", args.start),
-                     priors=priors(args.prior), each=told, settings=settings)
-    write(scene, result, args)
+        result = fit(scene, seen, args.parameters, also=also, start=parse_name_values("--start", args.start),
+                     priors=parse_priors(args.prior), each=show_fit_step, settings=settings)
+    write_fit_result(scene, result, args)
     return result.converged
 
 
-def _team(args, said):
+def _team_of_fit_workers(args, said):
     """Workers of the fit (`wsim.sweep.team`) where some are asked for; else nothing."""
-    from wsim.cli.sweep_options import settings
-    asked = settings(args)
+    from wsim.cli.sweep_options import sweep_settings
+    asked = sweep_settings(args)
     if not asked.remote:
         return nullcontext()
     from wsim.sweep.team import Team
@@ -53,17 +54,17 @@ def _team(args, said):
 def _check_outputs(scene: Scene, args) -> None:
     """Raises SceneError for files to write that cannot be, or that the fit reads."""
     inputs = {args.scene: "the scene"} | dict.fromkeys([*args.to, *args.many], "the observation")
-    refuse("--restart", args.restart, inputs)
+    refuse_overwrite("--restart", args.restart, inputs)
     if args.output:
         from wsim.usd.result.fitted import check_target
         check_target(scene, args.output)
-        refuse("-o", args.output, inputs | ({args.restart: "the state of the fit"} if args.restart else {}))
+        refuse_overwrite("-o", args.output, inputs | ({args.restart: "the state of the fit"} if args.restart else {}))
 
 
-def write(scene: Scene, result: Fit | FieldFit, args) -> None:
-    paths = layers(result, args.output) if args.output else []
+def write_fit_result(scene: Scene, result: Fit | FieldFit, args) -> None:
+    paths = fitted_layer_paths(result, args.output) if args.output else []
     for k, path in enumerate(paths):
-        unknown = _save(scene, result, path, k)
+        unknown = _save_fitted_layer(scene, result, path, k)
         if unknown:
             print(f"warning: {path}: {', '.join(unknown)} could not be identified; what is written there is one of many "
                   "answers", file=sys.stderr)
@@ -76,7 +77,7 @@ def write(scene: Scene, result: Fit | FieldFit, args) -> None:
             print(f"{path}: a layer over {os.path.basename(str(scene.source))} with these values{of}")
 
 
-def layers(result: Fit | FieldFit, path: str) -> list[str]:
+def fitted_layer_paths(result: Fit | FieldFit, path: str) -> list[str]:
     """Layers that are written: one, or FITTED.1.usda, FITTED.2.usda ... where experiments have values of their own."""
     if isinstance(result, FieldFit) or all(p.only is None for p in result.parameters):
         return [path]
@@ -84,7 +85,7 @@ def layers(result: Fit | FieldFit, path: str) -> list[str]:
     return [f"{stem}.{k + 1}{end}" for k in range(len(result.scenes))]
 
 
-def _save(scene: Scene, result: Fit | FieldFit, path: str, k: int = 0) -> list[str]:
+def _save_fitted_layer(scene: Scene, result: Fit | FieldFit, path: str, k: int = 0) -> list[str]:
     """Writes the layer of experiment k; names of its parameters that are open."""
     from wsim.usd.result.fitted import save_fitted
     if isinstance(result, Fit):
@@ -100,7 +101,7 @@ def _save(scene: Scene, result: Fit | FieldFit, path: str, k: int = 0) -> list[s
     return [name for name, error in result.errors.items() if error == float("inf")]
 
 
-def pairs(option: str, texts: list[str]) -> dict[str, float]:
+def parse_name_values(option: str, texts: list[str]) -> dict[str, float]:
     """name=value"""
     found = {}
     for text in texts:
@@ -114,7 +115,7 @@ def pairs(option: str, texts: list[str]) -> dict[str, float]:
     return found
 
 
-def priors(texts: list[str]) -> dict[str, tuple[float, float]]:
+def parse_priors(texts: list[str]) -> dict[str, tuple[float, float]]:
     """name=mean:sigma"""
     found = {}
     for text in texts:

@@ -7,17 +7,18 @@ from wsim.scene import Problem, SceneError
 from wsim.simulation import interrupt
 
 
-def make(args) -> list:
+def author_new_scene(args) -> list:
     """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
     if args.kind in STARTERS:
         return write_starter(args)
     if args.kind == "robot":
-        return _robot(args)
+        return _author_robot_scene(args)
     notes: list = []
     convert_meshes(args, notes)
-    return notes + {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid, "liquid": _fluid}[args.kind](args, {
+    return notes + {"cloth": _author_cloth_scene, "softbody": _author_softbody_scene, "fluid": _author_fluid_scene,
+                    "liquid": _author_fluid_scene}[args.kind](args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
         "colliders": tuple(args.collider), "bound": args.material})
 
@@ -35,26 +36,26 @@ def write_starter(args) -> list:
     """A small scene of its own; returns its notes."""
     from wsim.usd.new.starters import author_starter
 
-    interrupt.begin("wait")
+    interrupt.set_interrupt_mode("wait")
     return author_starter(args.kind, args.output, args.frames)
 
 
-def _cloth(args, more: dict) -> list:
+def _author_cloth_scene(args, more: dict) -> list:
     from wsim.usd.new.cloth import author_cloth
 
-    interrupt.begin("wait")
+    interrupt.set_interrupt_mode("wait")
     return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld,
                         self_collision=args.self_collision, **more)
 
 
-def _robot(args) -> list:
+def _author_robot_scene(args) -> list:
     from wsim.usd.new.robot import author_robot
 
-    interrupt.begin("wait")
+    interrupt.set_interrupt_mode("wait")
     return author_robot(args.file, args.output, ground=args.ground, frames=args.frames)
 
 
-def _softbody(args, more: dict) -> list:
+def _author_softbody_scene(args, more: dict) -> list:
     from wsim.scene.solid import Bulk
     from wsim.usd.new.softbody import author_softbody
 
@@ -63,13 +64,13 @@ def _softbody(args, more: dict) -> list:
         material = Bulk(**given) if given else None
     except ValueError as error:
         raise SceneError(Problem("material", str(error))) from None
-    interrupt.begin("wait")
+    interrupt.set_interrupt_mode("wait")
     return author_softbody(args.mesh, args.output, material, args.prim, cells=args.cells, **more)
 
 
-def _fluid(args, more: dict) -> list:
+def _author_fluid_scene(args, more: dict) -> list:
     from wsim.usd.new.fluid import author_fluid, author_liquid
 
-    interrupt.begin("wait")
+    interrupt.set_interrupt_mode("wait")
     author = {"fluid": author_fluid, "liquid": author_liquid}[args.kind]
     return author(args.mesh, args.output, args.prim, cells=args.cells, **more)

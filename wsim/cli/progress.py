@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-from wsim.simulation.duration import duration
+from wsim.simulation.duration import format_duration
 
 WIDTH = 24              # characters of the bar
 REDRAW = 0.05           # [s] between two drawings: a terminal shows no more, and a frame may take 3 ms
@@ -38,7 +38,7 @@ class Progress:
 
     def say(self, text: str) -> None:
         """A step before the frames: loading, compiling."""
-        self._draw(text)
+        self._draw_progress(text)
 
     def frame(self, done: int) -> None:
         """`done` frames are finished."""
@@ -48,13 +48,13 @@ class Progress:
             return
         part = done / self.frames if self.frames else 1.0
         bar = "#" * round(part * WIDTH)
-        text = f"[{self._tint(bar)}{'.' * (WIDTH - len(bar))}] " if self.shown else ""
+        text = f"[{self._tint_bar(bar)}{'.' * (WIDTH - len(bar))}] " if self.shown else ""
         text += f"frame {done}/{self.frames}"
         if len(self.ends) > 1:
             each = (self.ends[-1] - self.ends[0]) / (len(self.ends) - 1)
             taken = f"{1e3 * each:.3g} ms" if each < 1.0 else f"{each:.3g} s"
-            text += f"  {taken}/frame  {duration(each * (self.frames - done))} left"
-        self._draw(text)
+            text += f"  {taken}/frame  {format_duration(each * (self.frames - done))} left"
+        self._draw_progress(text)
         self.drawn = now
 
     def note(self, text: str) -> None:
@@ -62,16 +62,16 @@ class Progress:
         now = self.clock()
         if now - self.drawn >= (EVERY if self.logged else REDRAW):
             self.drawn = now
-            self._draw(text)
+            self._draw_progress(text)
 
     def clear(self) -> None:
         """Leaves an empty line behind."""
-        self._draw("")
+        self._draw_progress("")
 
-    def _tint(self, text: str) -> str:
+    def _tint_bar(self, text: str) -> str:
         return f"\x1b[32m{text}\x1b[0m" if self.colour and text else text
 
-    def _draw(self, text: str) -> None:
+    def _draw_progress(self, text: str) -> None:
         if self.shown:
             self.stream.write(f"\r\x1b[2K{text}")
             self.stream.flush()
@@ -81,7 +81,7 @@ class Progress:
 
 
 @contextmanager
-def line(*args, **more) -> Iterator[Progress]:
+def progress_line(*args, **more) -> Iterator[Progress]:
     """A progress line that is cleared at the end, whatever happens."""
     progress = Progress(*args, **more)
     try:

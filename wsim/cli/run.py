@@ -18,22 +18,22 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
-from wsim.scene.check.counts import refuse
+from wsim.scene.check.counts import refuse_large_count
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.methods import count
+from wsim.scene.methods import count_noun
 from wsim.simulation import interrupt
 from wsim.simulation.duration import long_run
-from wsim.simulation.interrupt import whole
-from wsim.simulation.record import append, settings
-from wsim.usd.result.provenance import differences
+from wsim.simulation.interrupt import delay_interrupts
+from wsim.simulation.record import append_sample, settings_of_run
+from wsim.usd.result.provenance import changed_settings
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
     from wsim.usd.result.recorder import Recorder
-    from wsim.usd.result.restart import Restart
+    from wsim.usd.result.restart import RestartState
 
 
-def finer(scene: Scene, samples: int) -> Scene:
+def subdivide_frames(scene: Scene, samples: int) -> Scene:
     """The scene with `samples` frames for each of its own, and substeps of the same length or a little shorter."""
     if samples == 1:
         return scene
@@ -41,7 +41,7 @@ def finer(scene: Scene, samples: int) -> Scene:
                    substeps=type(scene.substeps)(-(-scene.substeps // samples)))
 
 
-def later(scene: Scene, delay: float) -> Scene:
+def delay_scene_curves(scene: Scene, delay: float) -> Scene:
     """The scene with every curve `delay` [s] later, so that simulating begins that long before its start."""
     if delay == 0.0:
         return scene
@@ -80,7 +80,7 @@ def _collider_later(collider: Collider, delay: float, bones: dict) -> Collider:
 
 
 @dataclass
-class Run:
+class RecordedRun:
     """A simulation and the recorder that its frames go to; `scene` is the one that is written.
 
     `shown` is called with (short frames done), each of `watchers` with (simulation) after every written one.
@@ -111,7 +111,7 @@ class Run:
         kept, output = self.recorder.kept, self.recorder.path
         text = "no frame was written" + (f"; {kept} holds those of an earlier run" if kept else "")
         if kept and self.recorder.count:
-            text = f"{kept} holds the {count(self.written, 'frame')} so far (go on with --restart {quote(kept)})"
+            text = f"{kept} holds the {count_noun(self.written, 'frame')} so far (go on with --restart {quote(kept)})"
         return text + (f"; {output} is as it was before" if os.path.exists(output) else "")
 
     def frames(self) -> None:
@@ -125,19 +125,19 @@ class Run:
             for k in range(1, (self.scene.frames - self.first) * self.samples + 1):
                 self._step(self.preroll * self.samples + k)
                 self._write(k)
-            interrupt.check()
+            interrupt.raise_if_interrupted()
             ended = True
         finally:
-            with whole(), self._timed("write"):
+            with delay_interrupts(), self._time_phase("write"):
                 self.result = self.recorder.close(interrupted=not ended)
 
     def measure(self, asked: bool) -> float:
         """Steps what the report measures errors by, unless it is not asked for, or Ctrl-C comes; seconds."""
-        from wsim.simulation.predicted.measured import leave_out, settle
+        from wsim.simulation.predicted.measured import leave_out, step_report_estimates
         began = perf_counter()
         try:
             if asked:
-                settle(self.simulation)
+                step_report_estimates(self.simulation)
         except KeyboardInterrupt:
             asked = False
         if not asked:
@@ -145,7 +145,7 @@ class Run:
         return perf_counter() - began
 
     @contextmanager
-    def _timed(self, name: str) -> Iterator[None]:
+    def _time_phase(self, name: str) -> Iterator[None]:
         began = perf_counter()
         try:
             yield
@@ -153,24 +153,24 @@ class Run:
             self.seconds[name] += perf_counter() - began
 
     def _step(self, done: int) -> None:
-        with self._timed("simulate"):
+        with self._time_phase("simulate"):
             self.simulation.step()
         self.shown(done)
 
     def _write(self, k: int) -> None:
         """The state after k short frames of this run, at its time code."""
         code = self.recorder.time_code(self.first + k / self.samples)
-        with whole(), self._timed("write"):
-            append(self.recorder, self.simulation, code, self.stress, self.reactions, self._colours())
+        with delay_interrupts(), self._time_phase("write"):
+            append_sample(self.recorder, self.simulation, code, self.stress, self.reactions, self._recorded_colours())
         self.written = self.first + k // self.samples
         for watch in self.watchers:
             watch(self.simulation)
 
-    def _colours(self) -> list:
+    def _recorded_colours(self) -> list:
         if not self.colour:
             return []
-        from wsim.show.colour import live
-        return live(self.simulation, self.colour)
+        from wsim.show.colour import colours_of_simulation
+        return colours_of_simulation(self.simulation, self.colour)
 
 
 def default_output(scene: str) -> str:
@@ -180,8 +180,9 @@ def default_output(scene: str) -> str:
     return os.path.relpath(os.path.join(folder, name)) if os.access(folder, os.W_OK) else name
 
 
-def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
-            flatten: bool = False, restart: str | None = None, stress: bool = False) -> Run:
+def prepare_recorded_run(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1,
+                         preroll: int = 0,
+                         flatten: bool = False, restart: str | None = None, stress: bool = False) -> RecordedRun:
     """The part of a run that comes before the first frame, so that what cannot work fails before it has cost time.
 
     simulate    makes the simulation of a scene (device and precision are its matter)
@@ -201,32 +202,33 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             raise SceneError(Problem(earlier.path, f"holds {earlier.frame} frames, {scene.frames} are asked for; give "
                                      "--frames a larger number: it counts from the scene's start"))
         for what, each in (("--samples times frames", samples * scene.frames), ("--preroll times samples", preroll * samples)):
-            refuse(what, each, "give fewer of either")
-        sim = simulate(later(finer(scene, samples), preroll / scene.fps))
+            refuse_large_count(what, each, "give fewer of either")
+        sim = simulate(delay_scene_curves(subdivide_frames(scene, samples), preroll / scene.fps))
         sim.warnings += long_run(sim.plan, preroll + scene.frames - (earlier.frame if earlier else 0), samples)
         if earlier:
-            _go_on(sim, earlier, samples)
+            _resume_from_restart(sim, earlier, samples)
 
-        def fields() -> dict:
+        def exact_restart_fields() -> dict:
             """Fields that an exact restart needs, of whole frames."""
             return {} if sim.frame % samples else {path: sim.fields(path) for path in sim.state.paths()}
 
-        interrupt.begin("wait", f"{partial_path(output)} holds the frames saved so far")      # from here on there is a file
-        recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier,
-                            settings=lambda: settings(sim, samples))
+        # from here on there is a file
+        interrupt.set_interrupt_mode("wait", f"{partial_path(output)} holds the frames saved so far")
+        recorder = Recorder(scene, output, flatten=flatten, restart_fields=exact_restart_fields, continues=earlier,
+                            settings=lambda: settings_of_run(sim, samples))
         if stress and not scene.softs:
             recorder.notes.append(Problem("--stress", "there is no soft body whose stress could be written", fatal=False))
     except ValueError as error:                   # the recorder's word for an output that would be a mistake
         raise SceneError(Problem(output, str(error).removeprefix(f"{output}: "))) from error
-    return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0, stress)
+    return RecordedRun(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0, stress)
 
 
-def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:
+def _resume_from_restart(sim: "Simulation", earlier: "RestartState", samples: int) -> None:
     """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes and this run is stepped
     as that one was."""
     fields = earlier.fields
     sim.plan.methods.restored(fields)                 # substeps that checks have raised are part of what is gone on with
-    if others := differences(earlier.made, settings(sim, samples)):
+    if others := changed_settings(earlier.made, settings_of_run(sim, samples)):
         fields = {path: own for path, own in fields.items() if path not in earlier.positions}
         earlier.notes.append(Problem(earlier.path, f"was run otherwise ({'; '.join(others)}): the run goes on from positions "
                                      "and velocities, to the order of accuracy, not bit for bit", fatal=False))

@@ -11,15 +11,15 @@ from pathlib import Path
 VARIABLE = "PXR_PLUGINPATH_NAME"
 
 
-def folder() -> str:
+def schema_folder() -> str:
     """The folder of plugInfo.json and generatedSchema.usda in the installed package."""
     return str(Path(__file__).resolve().parent.parent / "usd" / "schema")
 
 
 def schema(args) -> int:
     """Prints VARIABLE=FOLDER, with what is in the variable already behind it: export "$(wsim schema)"."""
-    others = [path for path in os.environ.get(VARIABLE, "").split(os.pathsep) if path and path != folder()]
-    print(f"{VARIABLE}={os.pathsep.join([folder(), *others])}")
+    others = [path for path in os.environ.get(VARIABLE, "").split(os.pathsep) if path and path != schema_folder()]
+    print(f"{VARIABLE}={os.pathsep.join([schema_folder(), *others])}")
     if sys.stdout.isatty():
         print('for other USD programs of this shell: export "$(wsim schema)"; Python that imports wsim.usd needs nothing',
               file=sys.stderr)

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from wsim.fitting.copies import Aside, Broken, Copies
+from wsim.fitting.copies import BrokenRun, SavedCopies, SceneCopies
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Scene
 
 Seen = tuple[int, int, Any, int]       # experiment, frame, observation, row of it
 
 
-def events(experiments: list[tuple[Scene, list]]) -> list[tuple[float, list[Seen]]]:
+def observations_by_time(experiments: list[tuple[Scene, list]]) -> list[tuple[float, list[Seen]]]:
     """Observations by the time [s] at which each was seen, in order."""
     found: dict[float, list[Seen]] = {}
     for k, (scene, seen) in enumerate(experiments):
@@ -28,15 +28,15 @@ def events(experiments: list[tuple[Scene, list]]) -> list[tuple[float, list[Seen
 
 
 @dataclass
-class Turn:
+class CopiesTurn:
     """Some of the copies: their values of each experiment, its states (None at the start), and how many of them count."""
 
     values: list[np.ndarray]
-    states: list[Aside | None]
+    states: list[SavedCopies | None]
     count: int
 
 
-def turns(rows: np.ndarray, size: int) -> list[tuple[np.ndarray, int]]:
+def split_into_turns(rows: np.ndarray, size: int) -> list[tuple[np.ndarray, int]]:
     """Rows of theta or values in parts of `size`, each behind the first of all, which fills the last too; and how many of each
     are new."""
     found = []
@@ -46,21 +46,21 @@ def turns(rows: np.ndarray, size: int) -> list[tuple[np.ndarray, int]]:
     return found
 
 
-class Batch:
+class CopiesBatch:
     """`begin` with values of so many copies, `take` the steps of all, read `residuals` of one moment after the other."""
 
     def __init__(self, experiments: list[tuple[Scene, list]], parameters: list[Parameter], copies: int, device=None,
                  most: int | None = None):
         """most: copies at once, two or more; None: all."""
-        self.moments = events(experiments)
+        self.moments = observations_by_time(experiments)
         self.columns = [[c for c, p in enumerate(parameters) if p.only in (None, k)] for k in range(len(experiments))]
         self.size = copies if most is None or any(s.others for s, _ in experiments) else min(copies, max(most, 2))
-        self.copies = [Copies(scene, [parameters[c] for c in own], self.size, device)
+        self.copies = [SceneCopies(scene, [parameters[c] for c in own], self.size, device)
                        for (scene, _), own in zip(experiments, self.columns, strict=True)]
         for each, (_, seen) in zip(self.copies, experiments, strict=True):
             for o in seen:
                 o.prepare(each.sim.model)
-        self.turns: list[Turn] = []
+        self.turns: list[CopiesTurn] = []
 
     @property
     def solvers(self) -> list[str]:
@@ -69,8 +69,8 @@ class Batch:
     def begin(self, values: np.ndarray) -> list[int]:
         """Sets copies to the start with values (copies, parameters); the least substeps of each experiment."""
         self.turns, steps = [], np.zeros(len(self.copies), int)
-        for rows, count in turns(values, self.size):
-            turn = Turn([rows[:, own] for own in self.columns], [None] * len(self.copies), count)
+        for rows, count in split_into_turns(values, self.size):
+            turn = CopiesTurn([rows[:, own] for own in self.columns], [None] * len(self.copies), count)
             for k, c in enumerate(self.copies):
                 c.begin(turn.values[k])
                 steps[k] = max(steps[k], c.substeps)
@@ -92,18 +92,18 @@ class Batch:
                 self.copies[k].to(frame)
                 residual = seen.residuals(row, self.copies[k].look(seen)) / (seen.sigma or 1.0)
                 if not np.isfinite(residual).all():
-                    raise Broken(frame, f"the misfit of {seen.path} is no number")
+                    raise BrokenRun(frame, f"the misfit of {seen.path} is no number")
                 rows.append(residual)
                 self.leave(turn, k)
             found.append(np.concatenate(rows, axis=1)[bool(found):1 + turn.count])
         return np.concatenate(found)
 
-    def enter(self, turn: Turn, k: int) -> None:
+    def enter(self, turn: CopiesTurn, k: int) -> None:
         """The copies of an experiment are those of a turn."""
         if len(self.turns) > 1:
             self.copies[k].enter(turn.values[k], turn.states[k])
 
-    def leave(self, turn: Turn, k: int) -> None:
+    def leave(self, turn: CopiesTurn, k: int) -> None:
         if len(self.turns) > 1:
             turn.states[k] = self.copies[k].aside()
 

@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from wsim.fitting.memory import Room, held
+from wsim.fitting.memory import MemoryForCopies, bytes_held_by
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.values.table import stiffens
+from wsim.scene.values.table import limits_explicit_steps
 from wsim.simulation import retry
-from wsim.simulation.measure.reaction import every
+from wsim.simulation.measure.reaction import reactions_in_all_worlds
 from wsim.simulation.simulation import Simulation
 
 WEIGHTS = ("mass", "inertia")           # with which momenta, which the state has, change and velocities do not
 
 
-class Broken(Exception):
+class BrokenRun(Exception):
     """A copy stopped being a number, or could not go on, in `frame`."""
 
     def __init__(self, frame: int, reason: str):
@@ -29,12 +29,12 @@ class Broken(Exception):
         self.frame, self.reason = frame, reason
 
 
-def settled(scene: Scene, device) -> Scene:
+def scene_with_named_choices(scene: Scene, device) -> Scene:
     """The scene with its solver, integrator, substeps and iterations named: what "auto" comes to at its present values."""
-    return chosen(scene, Simulation(scene, device=device, precision="float64"))
+    return scene_as_simulated(scene, Simulation(scene, device=device, precision="float64"))
 
 
-def chosen(scene: Scene, sim: Simulation) -> Scene:
+def scene_as_simulated(scene: Scene, sim: Simulation) -> Scene:
     """The scene with the choices that a simulation of it has made."""
     choice = sim.plan.choice
     if not sim.model.bodies:                             # no points, and no solver
@@ -43,13 +43,13 @@ def chosen(scene: Scene, sim: Simulation) -> Scene:
                    iterations=choice.iterations)
 
 
-def kept(sim: Simulation) -> list[wp.array]:
+def arrays_at_start(sim: Simulation) -> list[wp.array]:
     """The arrays with which a run begins."""
     return [array for array, _ in sim.state.copies()]
 
 
 @dataclass
-class Aside:
+class SavedCopies:
     """The state of copies between two frames, on the host."""
 
     frame: int
@@ -58,16 +58,16 @@ class Aside:
     values: np.ndarray | None = None            # of the copies then, (worlds, parameters); None: those of the scene
 
 
-class Copies:
+class SceneCopies:
     """`begin` with values, go on `to` a frame, read `positions`; and again. Raises SceneError where the scene cannot run, or
     where there is no memory for so many."""
 
     def __init__(self, scene: Scene, parameters: list[Parameter], worlds: int, device=None):
         one = Simulation(scene, device=device, precision="float64")
-        self.scene, self.parameters, self.worlds = chosen(scene, one), parameters, worlds
-        on, each = one.device, held(one) + sum(a.capacity for a in kept(one))
+        self.scene, self.parameters, self.worlds = scene_as_simulated(scene, one), parameters, worlds
+        on, each = one.device, bytes_held_by(one) + sum(a.capacity for a in arrays_at_start(one))
         del one
-        room = Room.on(on, len(parameters), worlds, each)
+        room = MemoryForCopies.on(on, len(parameters), worlds, each)
         room.check()
         try:
             self.sim = Simulation(self.scene, device=device, precision="float64", worlds=worlds)
@@ -85,7 +85,7 @@ class Copies:
         clock.touching = True                            # what one copy does must not depend on what others touch
         self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.integrator
         self.values: np.ndarray | None = None
-        self.arrays = kept(sim)
+        self.arrays = arrays_at_start(sim)
         self.saved = [wp.clone(a) for a in self.arrays]
 
     def rewind(self) -> None:
@@ -118,7 +118,7 @@ class Copies:
     def begin(self, values: np.ndarray) -> None:
         """Sets the copies back to the start, world k with the row k of values (worlds, parameters)."""
         self.rewind()
-        stiff = [name for name in self.put(values) if stiffens(name)]
+        stiff = [name for name in self.put(values) if limits_explicit_steps(name)]
         if stiff:
             retry.keep_stable(self.sim, stiff[0])
         self.substeps = self.sim.plan.clock.substeps
@@ -131,12 +131,12 @@ class Copies:
             self.sim.graphs.forget("substeps changed")
         self.substeps = clock.substeps
 
-    def aside(self) -> Aside:
+    def aside(self) -> SavedCopies:
         """The state now."""
-        return Aside(self.sim.frame, self.sim.plan.clock.starting, [array.numpy().copy() for array in self.arrays],
-                     self.values)
+        return SavedCopies(self.sim.frame, self.sim.plan.clock.starting, [array.numpy().copy() for array in self.arrays],
+                           self.values)
 
-    def enter(self, values: np.ndarray, state: Aside | None) -> None:
+    def enter(self, values: np.ndarray, state: SavedCopies | None) -> None:
         """Goes on from a state with other values; None: from the start."""
         if state is None or state.values is None:
             self._weigh_as_at_first()
@@ -173,9 +173,9 @@ class Copies:
             try:
                 sim.step()
             except SceneError as error:
-                raise Broken(sim.frame + 1, error.problems[0].text) from None
+                raise BrokenRun(sim.frame + 1, error.problems[0].text) from None
             if sim.lost or sim.plan is not self.plan or sim.plan.clock.substeps != self.substeps:
-                raise Broken(sim.frame, sim.warnings[-1] if sim.warnings else "the scheme has changed")
+                raise BrokenRun(sim.frame, sim.warnings[-1] if sim.warnings else "the scheme has changed")
 
     def look(self, seen) -> np.ndarray:
         """Quantity that an observation is about, in every copy, (worlds, n, 3): positions [m], or forces of a pin [N]."""
@@ -183,7 +183,7 @@ class Copies:
             return self.fields(seen)
         if hasattr(seen, "local"):
             return seen.seen(self.sim.plan.ports.bodies.placed(seen.path))
-        return self.positions(seen.path) if seen.unit == "m" else every(self.sim, seen.path)
+        return self.positions(seen.path) if seen.unit == "m" else reactions_in_all_worlds(self.sim, seen.path)
 
     def fields(self, seen) -> np.ndarray:
         """Smoke or temperature of a fluid in every copy, as `seen` has it, (worlds, m)."""

@@ -4,9 +4,9 @@
     print(result.text())
     wsim.save(result.scene, "fitted.usda")
 
-`search` is the method (Levenberg-Marquardt with a growing horizon), `misfit` what it makes small, `estimate` what is known in
-the end, `doubt` whether what is left looks like noise. Priors act on the mapped space: {"stretch": (500.0, 0.2)} is a factor
-e^0.2 about 500 N/m.
+`search` is the method (Levenberg-Marquardt with a growing horizon), `misfit` what it makes small, `estimate_with_errors` what
+is known in the end, `doubt` whether what is left looks like noise. Priors act on the mapped space: {"stretch": (500.0, 0.2)} is
+a factor e^0.2 about 500 N/m.
 """
 
 import os
@@ -20,14 +20,14 @@ import numpy as np
 
 from wsim.fitting import parameter as table
 from wsim.fitting import shared as sharing
-from wsim.fitting.batch import Batch
+from wsim.fitting.batch import CopiesBatch
 from wsim.fitting.fields.field import is_field
 from wsim.fitting.fields.fit import fit_fields
 from wsim.fitting.least_squares import goodness
-from wsim.fitting.least_squares.levenberg_marquardt import Prior
-from wsim.fitting.least_squares.search import Search
-from wsim.fitting.least_squares.time_step import TimeStep, halve, unknown
-from wsim.fitting.least_squares.uncertainty import Estimate, estimate
+from wsim.fitting.least_squares.levenberg_marquardt import NormalPrior
+from wsim.fitting.least_squares.search import FitSearch
+from wsim.fitting.least_squares.time_step import TimeStepShift, shift_by_half_time_step, unknown_time_step_shift
+from wsim.fitting.least_squares.uncertainty import ParameterEstimate, estimate_with_errors
 from wsim.fitting.observations.residuals import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Problem, Scene, SceneError
@@ -67,7 +67,7 @@ class Fit:
     """The result of a fit. `estimate` has it as arrays."""
 
     parameters: list[Parameter]
-    estimate: Estimate
+    estimate: ParameterEstimate
     scene: Scene                           # the first scene, with what was found
     scenes: list[Scene]
     converged: bool
@@ -83,7 +83,7 @@ class Fit:
     notes: list[str] = field(default_factory=list)
     unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
     origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
-    half_step: TimeStep | None = None      # by how much half the time step shifts the values
+    half_step: TimeStepShift | None = None  # by how much half the time step shifts the values
 
     @property
     def values(self) -> dict[str, float]:
@@ -96,7 +96,7 @@ class Fit:
 
     def as_dict(self) -> dict:
         """The result as a dictionary for JSON."""
-        e, half = self.estimate, self.half_step or unknown(len(self.parameters))
+        e, half = self.estimate, self.half_step or unknown_time_step_shift(len(self.parameters))
         return {"parameters": [{"name": p.name, "value": v, "error": s, "low": a, "high": b, "unit": p.unit,
                                 "half_time_step_shift": d if np.isfinite(d) else None,
                                 "identifiable": bool(np.isfinite(s)), **({} if p.only is None else {"experiment": p.only + 1})}
@@ -110,8 +110,8 @@ class Fit:
 
     def text(self) -> str:
         """The result as a table."""
-        from wsim.fitting.report import text
-        return text(self)
+        from wsim.fitting.report import fit_report_text
+        return fit_report_text(self)
 
 
 def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
@@ -136,32 +136,32 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
             if getattr(settings, name) is not None:
                 raise SceneError(Problem(name, "a fit of fields shares all, and runs one copy in this process; leave it out"))
         return fit_fields(experiments, names, start=start, priors=priors, each=each, settings=settings)
-    found, scenes = table.parameters(parameters, [s for s, _ in experiments], start, settings.shared)
-    prior = _priors(found, priors or {})
-    theta = np.array([_start(p, p.among(scenes)) for p in found])
+    found, scenes = table.parameters_of_names(parameters, [s for s, _ in experiments], start, settings.shared)
+    prior = _prior_of_parameters(found, priors or {})
+    theta = np.array([_start_theta(p, p.among(scenes)) for p in found])
     misfit = Misfit([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, device=settings.device,
                     differences=settings.differences, eps=settings.eps,
-                    make=settings.team or partial(Batch, device=settings.device, most=settings.copies))
+                    make=settings.team or partial(CopiesBatch, device=settings.device, most=settings.copies))
     known = experiments[0][1][0].sigma is not None
-    search = Search(misfit, theta, prior, sigma=known, limit=settings.limit, accuracy=settings.accuracy,
-                    each=lambda s: _told(s, settings, each))
+    search = FitSearch(misfit, theta, prior, sigma=known, limit=settings.limit, accuracy=settings.accuracy,
+                       each=lambda s: _tell_search_step(s, settings, each))
     if settings.state and os.path.exists(settings.state):
         search.resume(settings.state)
     search.run()
-    return _result(search, found, scenes, perf_counter() - began)
+    return _result_of_search(search, found, scenes, perf_counter() - began)
 
 
-def _start(p: Parameter, scenes: list[Scene]) -> float:
+def _start_theta(p: Parameter, scenes: list[Scene]) -> float:
     """theta of its value; of several experiments that of the first which has it."""
     value = next(v for v in (p.value(s) for s in scenes) if v is not None)
     return p.map.forward(value)
 
 
-def _priors(found: list[Parameter], given: dict[str, tuple[float, float]]) -> Prior:
-    prior, problems = Prior(np.zeros(len(found)), np.zeros(len(found))), list[Problem]()
+def _prior_of_parameters(found: list[Parameter], given: dict[str, tuple[float, float]]) -> NormalPrior:
+    prior, problems = NormalPrior(np.zeros(len(found)), np.zeros(len(found))), list[Problem]()
     used: set[str] = set()
     for row, p in enumerate(found):
-        if believed := sharing.given(p, given):
+        if believed := sharing.value_given_by_name(p, given):
             name, pair = believed
             used.add(name)
             try:
@@ -178,7 +178,7 @@ def _priors(found: list[Parameter], given: dict[str, tuple[float, float]]) -> Pr
     return prior
 
 
-def _told(search: Search, settings: Settings, each: Callable[[dict], None] | None) -> None:
+def _tell_search_step(search: FitSearch, settings: Settings, each: Callable[[dict], None] | None) -> None:
     if settings.state:
         search.save(settings.state)
     best, misfit = search.best, search.misfit
@@ -188,20 +188,20 @@ def _told(search: Search, settings: Settings, each: Callable[[dict], None] | Non
               "rms": sqrt(best.misfit / max(best.count, 1)), "simulations": misfit.walked})
 
 
-def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds: float) -> Fit:
+def _result_of_search(search: FitSearch, found: list[Parameter], scenes: list[Scene], seconds: float) -> Fit:
     """At the best theta that was run, with what was seen there."""
     best, misfit = search.best, search.misfit
     assert best is not None
     noise = search.noise(best, best.misfit)
     left = sqrt(best.misfit / max(best.count - len(found), 1) / noise)
-    doubts = goodness.notes(search, noise, left)
+    doubts = goodness.notes_on_goodness(search, noise, left)
     widened = noise * max(1.0, left)**2
-    e = estimate(found, best.theta, search.spectrum(best), widened, search.prior.weight)
-    half = halve(search, e, widened)
+    e = estimate_with_errors(found, best.theta, search.spectrum(best), widened, search.prior.weight)
+    half = shift_by_half_time_step(search, e, widened)
     for p, value in zip(found, e.values, strict=True):
         scenes = p.in_all(scenes, float(value))
     sigma = misfit.sigma * sqrt(noise) if search.known else sqrt(noise)
     return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
                1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows,
                [*search.notes, *half.notes(found, e.values), *doubts, *misfit.notes()], misfit.unit,
-               goodness.origin(search, noise), half)
+               goodness.origin_of_noise(search, noise), half)

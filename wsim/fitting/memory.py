@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from wsim.gradient import checkpoints
 from wsim.scene import Problem, SceneError
-from wsim.simulation.measure.memory import held  # noqa: F401  (what a copy holds)
+from wsim.simulation.measure.memory import bytes_held_by  # noqa: F401  (what a copy holds)
 
 
 @dataclass
-class Room:
+class MemoryForCopies:
     """Memory for `copies` of a scene at once, by which a fit takes differences of so many parameters."""
 
     parameters: int
@@ -22,9 +22,9 @@ class Room:
     where: str             # the device's name
 
     @staticmethod
-    def on(device, parameters: int, copies: int, each: int) -> "Room":
+    def on(device, parameters: int, copies: int, each: int) -> "MemoryForCopies":
         """The room of a device with what is free there now."""
-        return Room(parameters, copies, each, checkpoints.free(device), str(device))
+        return MemoryForCopies(parameters, copies, each, checkpoints.free_bytes(device), str(device))
 
     @property
     def need(self) -> int:
@@ -48,7 +48,7 @@ class Room:
             mend = f"fit {self.fit - 1} of the parameters at a time, with differences=\"forward\""
         else:
             mend = "take fewer points, or a device with more memory"
-        size = checkpoints.size
+        size = checkpoints.format_bytes
         return Problem("memory", f"a fit of {self.parameters} parameters runs {self.copies} copies of the scene at once, which "
                        f"hold about {self.need} bytes ({size(self.need)}, {size(self.each)} each), and {size(self.free)} are "
                        f"free on {self.where}: {self.fit} copies fit; {mend}")

@@ -8,15 +8,15 @@ from wsim.scene import Problem, SceneError
 from wsim.usd.result.atomic import replace_text
 
 
-def write(path, of: list[str], found: dict) -> None:
+def write_fit_state(path, of: list[str], found: dict) -> None:
     """Whole or not at all. of: what is fitted."""
     replace_text(path, json.dumps({"of": of, **found}))
 
 
 @contextmanager
-def reading(path, of: list[str]):
-    """State of a fit that `write` has left. Raises SceneError where it is of another fit, or what is read of it within is not
-    there."""
+def reading_fit_state(path, of: list[str]):
+    """State of a fit that `write_fit_state` has left. Raises SceneError where it is of another fit, or what is read of it
+    within is not there."""
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
         if found["of"] != of:

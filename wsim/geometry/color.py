@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from wsim.geometry.color_chains import chain
-from wsim.geometry.ordering import locality, pattern
-from wsim.geometry.topology import lowest, order_of
+from wsim.geometry.color_chains import kempe_chain
+from wsim.geometry.ordering import colours_by_level, locality_order
+from wsim.geometry.topology import order_of, smallest_point_of_row
 
-__all__ = ["batches", "color", "locality"]
+__all__ = ["color_batches", "color_constraints", "locality_order"]
 
 WORD = 64            # colours of one mask; where a point has more constraints, the next 64 start with what is left
 LARGE = 200_000      # constraints from which on one or two colours more are taken at once: seconds less to wait
@@ -31,7 +31,7 @@ CROWDED = 0.2        # uncoloured share above which pushing gets nowhere (grid t
 WOVEN = 0.6          # share of the constraints that a pattern must serve; Delaunay meshes have 0.7, grids 0.99
 
 
-class _Coloring:
+class _PartialColoring:
     """A partial colouring: `colours` (m,), -1 where none; `owner` at colour * n + point is the constraint there, or -1;
     bit c of `mask`[point] says whether colour c is used there; `full` has all bits set."""
 
@@ -69,7 +69,7 @@ class _Coloring:
         pick = np.bitwise_count((turned & (~turned + one)) - one) + turn
         return np.where(pick >= self.count, pick - np.uint8(self.count), pick)
 
-    def _move(self, which: np.ndarray, colours: np.ndarray | None) -> None:
+    def _recolour_constraints(self, which: np.ndarray, colours: np.ndarray | None) -> None:
         """Gives constraints other colours, or none. No new place may be taken, but by one of them."""
         old, one = self.colours[which], self.word(1)
         had = which[old >= 0]
@@ -83,21 +83,21 @@ class _Coloring:
             for j in range(self.ids.shape[1]):
                 np.add.at(self.mask, self.ids[which, j], one << colours.astype(self.word))
 
-    def _winners(self, which: np.ndarray, pick: np.ndarray, claim: np.ndarray) -> np.ndarray:
+    def _winners_of_claims(self, which: np.ndarray, pick: np.ndarray, claim: np.ndarray) -> np.ndarray:
         """Those that may take the colour they picked: where two meet with one colour, the later one, bool."""
         slots, row = self.slots(which, pick), np.arange(len(which), dtype=np.int32)[:, None]
         claim[slots] = row                                  # in turn, so the last one wins all its points
         return (claim[slots] == row).all(axis=1)
 
-    def weave(self) -> bool:
+    def adopt_woven_pattern(self) -> bool:
         """Takes over the pattern that the numbers of the points suggest, if it serves most constraints."""
-        pick = pattern(self.ids, len(self.mask))
+        pick = colours_by_level(self.ids, len(self.mask))
         some = np.flatnonzero(pick < self.count).astype(np.int32)
         pick = pick[some]
-        won = self._winners(some, pick, np.empty_like(self.owner))
+        won = self._winners_of_claims(some, pick, np.empty_like(self.owner))
         fits = bool(won.sum() >= WOVEN * len(self.ids))
         if fits:
-            self._move(some[won], pick[won])
+            self._recolour_constraints(some[won], pick[won])
         return fits
 
     def fill(self, left: np.ndarray) -> np.ndarray:
@@ -113,8 +113,8 @@ class _Coloring:
             pick = self._any_bit(free)
             order = np.argsort(pick, kind="stable")         # one colour's part of the table in turn, for the cache
             left, pick = left[order], pick[order]
-            won = self._winners(left, pick, claim)
-            self._move(left[won], pick[won])
+            won = self._winners_of_claims(left, pick, claim)
+            self._recolour_constraints(left[won], pick[won])
             left = left[~won]
         return np.concatenate(stuck)
 
@@ -123,22 +123,22 @@ class _Coloring:
         which lose it. Ends when none is left, or too few find a place for the time it takes. Returns the uncoloured."""
         claim, driven = np.empty_like(self.owner), np.zeros(len(self.ids), self.word)
         pairs, lengths = self.ids.shape[1] == 2, [len(stuck)]
-        while len(stuck) and not _stalled(lengths, pairs):
+        while len(stuck) and not _pushing_has_stalled(lengths, pairs):
             small = self.count * stuck.size * self.ids.shape[1] < 1 << 21
-            pick = (self._fewest if small else self._fewest_points)(stuck, driven[stuck])
-            won = self._winners(stuck, pick, claim)
+            pick = (self._least_contested_colour if small else self._fewest_points)(stuck, driven[stuck])
+            won = self._winners_of_claims(stuck, pick, claim)
             losers = np.sort(self.owner[self.slots(stuck[won], pick[won])], axis=None)
             losers = losers[(losers >= 0) & (losers != np.r_[losers[1:], -1])]
             driven[losers] = self.word(1) << self.colours[losers].astype(self.word)
-            self._move(losers, None)
-            self._move(stuck[won], pick[won])
+            self._recolour_constraints(losers, None)
+            self._recolour_constraints(stuck[won], pick[won])
             stuck = np.concatenate([stuck[~won], losers])
             lengths.append(len(stuck))
         if pairs and len(stuck):
-            chain(self.ids, stuck, self.count, self.owner, self.mask, self.colours, self.rng)
+            kempe_chain(self.ids, stuck, self.count, self.owner, self.mask, self.colours, self.rng)
         return stuck[self.colours[stuck] < 0]
 
-    def _fewest(self, which: np.ndarray, forbidden: np.ndarray) -> np.ndarray:
+    def _least_contested_colour(self, which: np.ndarray, forbidden: np.ndarray) -> np.ndarray:
         """For each constraint one of the colours that it can take from the fewest others, uint8."""
         there = self.owner.reshape(self.count, -1)[:, self.ids[which]]          # (colours, which, k)
         cost = self.rng.random(there.shape[:2], dtype=np.float32)
@@ -169,7 +169,7 @@ class _Coloring:
         """Colours everything, or what 64 colours can hold."""
         m, pairs = len(self.ids), self.ids.shape[1] == 2
         crowded = 0.5 * CROWDED if m > LARGE else 1.0 if pairs else CROWDED
-        if pairs and self.weave() and m > LARGE and self.count < WORD:
+        if pairs and self.adopt_woven_pattern() and m > LARGE and self.count < WORD:
             self.grow()                                     # room for what is left, so that chains spare the pattern
         stuck = self.fill(np.flatnonzero(self.colours < 0).astype(np.int32))
         while len(stuck):
@@ -188,13 +188,13 @@ class _Coloring:
             for j in range(self.ids.shape[1]):
                 free = free & ~self.mask.take(self.ids[which, j])
             which, free = which[free != 0], free[free != 0]
-            self._move(which, np.bitwise_count((free & (~free + self.word(1))) - self.word(1)))
+            self._recolour_constraints(which, np.bitwise_count((free & (~free + self.word(1))) - self.word(1)))
 
     def balance(self) -> None:
         """Moves constraints from large colours to small ones where these are free, until all are about equal. Each
         large colour gives those of a stretch of points, no two the same stretch, so that patterns stay."""
         which = np.flatnonzero(self.colours >= 0)
-        which = which[order_of(lowest(self.ids)[which])]
+        which = which[order_of(smallest_point_of_row(self.ids)[which])]
         for turn in range(12):
             size = np.bincount(self.colours[which], minlength=self.count)
             need, excess = np.maximum(size.mean() - size, 0), np.maximum(size - size.mean(), 0)
@@ -211,11 +211,11 @@ class _Coloring:
             movable = order[giving].astype(np.int32)
             pick = np.minimum(np.searchsorted(np.cumsum(need), target), self.count - 1)
             free = (self.owner[self.slots(movable, pick)] < 0).all(axis=1)
-            won = np.flatnonzero(free)[self._winners(movable[free], pick[free], np.empty_like(self.owner))]
-            self._move(movable[won], pick[won])
+            won = np.flatnonzero(free)[self._winners_of_claims(movable[free], pick[free], np.empty_like(self.owner))]
+            self._recolour_constraints(movable[won], pick[won])
 
 
-def _stalled(lengths: list[int], pairs: bool) -> bool:
+def _pushing_has_stalled(lengths: list[int], pairs: bool) -> bool:
     """Whether pushing should end, by the numbers left after each round so far. A round costs 0.1 ms and a microsecond
     for each constraint; a chain about 60 for one. Without chains wait longer for the last few."""
     rounds, now = len(lengths), lengths[-1]
@@ -227,7 +227,7 @@ def _stalled(lengths: list[int], pairs: bool) -> bool:
     return rounds > waited and min(lengths[-waited:]) >= min(lengths[:-waited])
 
 
-def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
+def color_constraints(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
     """Colour of each constraint, (m,) int32, from 0; the number of colours is near the largest number of constraints at
     a point. The same input gives the same colours. A point named twice by a constraint counts once.
     Raises ValueError for an index outside 0 .. n - 1."""
@@ -239,7 +239,7 @@ def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
     colours = np.full(len(ids), -1, np.int32)
     left, base = np.arange(len(ids)), 0
     while len(left):
-        part = _Coloring(ids[left], n, seed)
+        part = _PartialColoring(ids[left], n, seed)
         part.solve()
         (part.pack if len(ids) > LARGE else part.balance)()
         got = part.colours >= 0
@@ -250,10 +250,10 @@ def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
     return colours
 
 
-def batches(ids: np.ndarray, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def color_batches(ids: np.ndarray, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Order of the constraints, (m,) int32, by colour and inside a colour by lowest point, and the start of each colour
     in it, (colours + 1,) int32."""
-    colours = color(ids, n, seed)
+    colours = color_constraints(ids, n, seed)
     starts = np.zeros(int(colours.max(initial=-1)) + 2, np.int32)
     np.cumsum(np.bincount(colours), out=starts[1:])
-    return order_of(colours * np.int64(n + 1) + lowest(np.asarray(ids))).astype(np.int32), starts
+    return order_of(colours * np.int64(n + 1) + smallest_point_of_row(np.asarray(ids))).astype(np.int32), starts

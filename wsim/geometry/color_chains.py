@@ -13,8 +13,8 @@ STEPS = 1_000_000    # points that the paths of one call may visit: about a seco
 TRIES = 30           # paths tried for a constraint before it is left over
 
 
-def chain(ids: np.ndarray, stuck: np.ndarray, count: int, owner: np.ndarray, mask: np.ndarray, colours: np.ndarray,
-          rng: np.random.Generator) -> None:
+def kempe_chain(ids: np.ndarray, stuck: np.ndarray, count: int, owner: np.ndarray, mask: np.ndarray, colours: np.ndarray,
+                rng: np.random.Generator) -> None:
     """Colours constraints `stuck` (indices of ids (m, 2)) with 0 .. count - 1, as far as it can.
 
     Changes `owner` (at colour * n + point the constraint there, or -1), `mask` (bit c of a point: colour c is used
@@ -22,14 +22,14 @@ def chain(ids: np.ndarray, stuck: np.ndarray, count: int, owner: np.ndarray, mas
     """
     every, steps, number = (1 << count) - 1, STEPS, mask.data
     draws = iter(rng.integers(0, count, TRIES * len(stuck)).tolist())
-    paths = _Paths(ids, owner, mask, colours)
+    paths = _KempePaths(ids, owner, mask, colours)
     for e in stuck.tolist():
         u, v = ids[e].tolist()
         for _ in range(TRIES):
             at_u, at_v = ~number[u] & every, ~number[v] & every
             if at_u & at_v or not at_u or not at_v:
                 break
-            a, b = _lowest(at_u), _lowest(at_v)
+            a, b = _lowest_set_bit(at_u), _lowest_set_bit(at_v)
             path = paths.walk(v, a, b)
             steps -= len(path)
             if path[-1] != u:
@@ -38,18 +38,18 @@ def chain(ids: np.ndarray, stuck: np.ndarray, count: int, owner: np.ndarray, mas
                 paths.turn(paths.walk(u, b, a), a, b)
         both = ~number[u] & ~number[v] & every
         if both:
-            paths.give(e, u, v, _lowest(both))
+            paths.give(e, u, v, _lowest_set_bit(both))
         if steps < 0:
             return
 
 
-def _lowest(bits: int) -> int:
+def _lowest_set_bit(bits: int) -> int:
     """Number of the lowest set bit."""
     return (bits & -bits).bit_length() - 1
 
 
-class _Paths:
-    """Walks and changes on the memory of a partial colouring (see `chain`)."""
+class _KempePaths:
+    """Walks and changes on the memory of a partial colouring (see `kempe_chain`)."""
 
     def __init__(self, ids: np.ndarray, owner: np.ndarray, mask: np.ndarray, colours: np.ndarray):
         self.owner, self.mask, self.colours, self.n = owner.data, mask.data, colours.data, len(mask)

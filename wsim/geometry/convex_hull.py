@@ -40,7 +40,7 @@ class ConvexHull:
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def simplex(points: np.ndarray, size: float) -> np.ndarray:
+def initial_simplex(points: np.ndarray, size: float) -> np.ndarray:
     """Four points that span a volume, ordered so that 0 1 2 faces away from 3. Raises DegenerateHull."""
     first = int(np.argmin(points @ np.array([1.0, 1e-3, 1e-6])))
     d = points - points[first]
@@ -61,7 +61,7 @@ def simplex(points: np.ndarray, size: float) -> np.ndarray:
     return np.array([first, third, second, fourth] if height[fourth] > 0 else [first, second, third, fourth])
 
 
-class Growing:
+class GrowingHull:
     """Triangles of a growing hull, and for each the points that lie beyond it."""
 
     def __init__(self, points: np.ndarray, start: np.ndarray, near: float):
@@ -108,7 +108,7 @@ class Growing:
         self.add([(i, j, point) for i, j in rim], points[points != point])
 
 
-def merged(X: np.ndarray, triangles: np.ndarray, flat: float) -> list[np.ndarray]:
+def merge_coplanar_faces(X: np.ndarray, triangles: np.ndarray, flat: float) -> list[np.ndarray]:
     """Loops of the faces: from the largest triangle on, neighbours in its plane are joined to it."""
     n = np.cross(X[triangles[:, 1]] - X[triangles[:, 0]], X[triangles[:, 2]] - X[triangles[:, 0]])
     area = np.linalg.norm(n, axis=1)
@@ -129,11 +129,11 @@ def merged(X: np.ndarray, triangles: np.ndarray, flat: float) -> list[np.ndarray
                     taken[f] = True
                     group.append(f)
                     front.append(f)
-        loops += outline(triangles[group])
+        loops += loop_around_triangles(triangles[group])
     return loops
 
 
-def outline(group: np.ndarray) -> list[np.ndarray]:
+def loop_around_triangles(group: np.ndarray) -> list[np.ndarray]:
     """The loop around triangles that hang together; the triangles themselves if it is not one."""
     edges = {(t[k], t[(k + 1) % 3]) for t in group.tolist() for k in range(3)}
     after = {i: j for i, j in edges if (j, i) not in edges}
@@ -153,7 +153,7 @@ def convex_hull(points, most: int | None = None) -> ConvexHull:
         raise ValueError("a hull needs points, all of them finite")
     size = float(np.linalg.norm(np.ptp(X, axis=0)))
     center = 0.5 * (X.min(0) + X.max(0))
-    growing = Growing(X - center, simplex(X - center, size), NEAR * size)
+    growing = GrowingHull(X - center, initial_simplex(X - center, size), NEAR * size)
     added = 4
     while growing.farthest.max() > 0.0 and (most is None or added < most):
         growing.grow()
@@ -161,7 +161,7 @@ def convex_hull(points, most: int | None = None) -> ConvexHull:
     triangles = np.array(growing.triangle)
     used, triangles = np.unique(triangles, return_inverse=True)
     triangles, X = triangles.reshape(-1, 3), X[used]
-    loops = merged(X - center, triangles, FLAT * size)
+    loops = merge_coplanar_faces(X - center, triangles, FLAT * size)
     normals = np.array([plane_normal(X[loop]) for loop in loops])
     offsets = ((X - center) @ normals.T).max(0) + normals @ center
     return ConvexHull(X, tuple(loops), normals, offsets, triangles, float(growing.farthest.max()))

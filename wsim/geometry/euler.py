@@ -17,13 +17,13 @@ from itertools import product
 
 import numpy as np
 
-from wsim.geometry.rotation import about_axis, matrix, quaternion
+from wsim.geometry.rotation import axis_rotation_matrix, matrix_quat, quaternion_to_matrix
 
 ORDERS = tuple("".join(o) for o in product("xyz", repeat=3) if o[0] != o[1] != o[2])
 LOCK = 1.0e-6                             # [rad] between the outer axes, below which they count as one
 
 
-def _checked(order: str) -> tuple[int, int, int]:
+def _axes_of_order(order: str) -> tuple[int, int, int]:
     if order not in ORDERS:
         raise ValueError(f"an order of Euler angles is one of {', '.join(ORDERS)}, not {order!r}")
     i, j, k = ("xyz".index(letter) for letter in order)
@@ -35,16 +35,16 @@ def from_euler(angles: np.ndarray, order: str = "xyz") -> np.ndarray:
     ValueError for an unknown order."""
     angles = np.asarray(angles, np.float64)
     R = np.eye(3)
-    for k, axis in enumerate(_checked(order)):
-        R = about_axis(np.eye(3)[axis], angles[..., k]) @ R
-    return quaternion(R)
+    for k, axis in enumerate(_axes_of_order(order)):
+        R = axis_rotation_matrix(np.eye(3)[axis], angles[..., k]) @ R
+    return matrix_quat(R)
 
 
 def to_euler(q: np.ndarray, order: str = "xyz") -> tuple[np.ndarray, np.ndarray]:
     """(angles (..., 3) [rad], locked (...)) of unit quaternions (..., 4), (x, y, z, w). locked: gimbal lock, the last angle is
     0 there by choice. Raises ValueError for an unknown order."""
-    i, j, k = _checked(order)
-    R = matrix(q)
+    i, j, k = _axes_of_order(order)
+    R = quaternion_to_matrix(q)
     two = i == k
     third = 3 - i - j if two else k
     sign = 1.0 if (j - i) % 3 == 1 else -1.0                   # of the permutation (i, j, third)

@@ -19,7 +19,7 @@ KEPT = 6                # results of each function: those of a few meshes, tens 
 Function = TypeVar("Function", bound=Callable)
 
 
-def digest(*arguments) -> bytes:
+def digest_of_arguments(*arguments) -> bytes:
     """Digest of arrays (their type, shape and values) and of anything else by its repr."""
     found = hashlib.blake2b(digest_size=32)
     for argument in arguments:
@@ -31,30 +31,30 @@ def digest(*arguments) -> bytes:
     return found.digest()
 
 
-def _copied(result):
+def _copy_of_result(result):
     """The caller may change what it gets."""
     if isinstance(result, np.ndarray):
         return result.copy()
-    return type(result)(map(_copied, result)) if isinstance(result, (tuple, list)) else result
+    return type(result)(map(_copy_of_result, result)) if isinstance(result, (tuple, list)) else result
 
 
-def latest(function: Function) -> Function:
+def keep_latest_results(function: Function) -> Function:
     """Keeps the latest results of a function whose positional arguments are arrays and short values."""
     kept: OrderedDict[bytes, object] = OrderedDict()
     lock = threading.Lock()
 
     @functools.wraps(function)
-    def remembering(*arguments):
-        key = digest(*arguments)
+    def memoized_call(*arguments):
+        key = digest_of_arguments(*arguments)
         with lock:
             if key in kept:
                 kept.move_to_end(key)
-                return _copied(kept[key])
+                return _copy_of_result(kept[key])
         result = function(*arguments)
         with lock:
-            kept[key] = _copied(result)
+            kept[key] = _copy_of_result(result)
             while len(kept) > KEPT:
                 kept.popitem(last=False)
         return result
 
-    return remembering  # type: ignore[return-value]
+    return memoized_call  # type: ignore[return-value]

@@ -11,7 +11,7 @@ import numpy as np
 SAME = 1e-3       # normals closer than this (chord of the unit sphere) were meant to be one
 
 
-class Normals:
+class AuthoredNormals:
     """Recomputes the normals of one mesh.
 
     points    rest points, (n, 3)              counts, indices   polygons, as in UsdGeom.Mesh
@@ -30,10 +30,10 @@ class Normals:
         expected, slot = slots[interpolation]
         if len(values) != expected:
             raise ValueError(f"has {len(values)} normals where {interpolation!r} needs {expected}")
-        self.fan, self.face = fans(counts, indices)
+        self.fan, self.face = polygon_fans(counts, indices)
         self.triangular, self.count = bool(np.all(counts == 3)), len(counts)
         self.corner_face = faces
-        self.last = _unit(values, np.zeros_like(values))
+        self.last = _unit_or_previous(values, np.zeros_like(values))
         if interpolation == "uniform":
             groups = faces
         else:
@@ -43,28 +43,28 @@ class Normals:
         self.slot_group = np.full(len(values), -1)
         self.slot_group[slot] = groups
         self.sign = 1.0
-        if np.sum(self._follow(points) * self.last) < 0.0:      # a left-handed mesh, or one shaded inside out
+        if np.sum(self._follow_points(points) * self.last) < 0.0:  # a left-handed mesh, or one shaded inside out
             self.sign = -1.0
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Unit normals (slots, 3), float32, of deformed points (n, 3). Where all area is gone the last normal stays."""
-        self.last = self._follow(points)
+        self.last = self._follow_points(points)
         return self.last.astype(np.float32)
 
-    def _follow(self, points: np.ndarray) -> np.ndarray:
+    def _follow_points(self, points: np.ndarray) -> np.ndarray:
         p = np.asarray(points, np.float64)
         a = p[self.fan[:, 0]]
         area = 0.5 * np.cross(p[self.fan[:, 1]] - a, p[self.fan[:, 2]] - a)
         if not self.triangular:
-            area = _sum(self.face, area, self.count)
-        total = _sum(self.corner_group, area[self.corner_face], int(self.corner_group.max(initial=-1)) + 1)
+            area = _sum_by_group(self.face, area, self.count)
+        total = _sum_by_group(self.corner_group, area[self.corner_face], int(self.corner_group.max(initial=-1)) + 1)
         used = self.slot_group >= 0
         value = np.zeros_like(self.last)
         value[used] = self.sign * total[self.slot_group[used]]
-        return _unit(value, self.last)
+        return _unit_or_previous(value, self.last)
 
 
-def fans(counts: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def polygon_fans(counts: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (t, 3) fanned from each polygon's first corner, and the polygon of each (t,).
 
     Area vectors add up right for concave polygons too; polygons with fewer than three corners have none.
@@ -90,11 +90,11 @@ def smooth_groups(place: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.unique(group, return_inverse=True)[1].reshape(-1)
 
 
-def _sum(group: np.ndarray, vectors: np.ndarray, count: int) -> np.ndarray:
+def _sum_by_group(group: np.ndarray, vectors: np.ndarray, count: int) -> np.ndarray:
     return np.stack([np.bincount(group, vectors[:, k], count) for k in range(3)], axis=1)
 
 
-def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+def _unit_or_previous(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where((length > 0.0) & np.isfinite(length), vectors / length, otherwise)

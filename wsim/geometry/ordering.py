@@ -19,45 +19,45 @@ edges of a Delaunay mesh: random 305, Hilbert 180, levels 206. So a regular mesh
 
 import numpy as np
 
-from wsim.geometry.topology import incident, islands, order_of, slots
+from wsim.geometry.topology import incident_positions, incident_rows, labels_of_islands, order_of
 
 REGULAR = 0.6        # share of the points with one number of edges: 0.3 in a Delaunay mesh, 1 less the border in a grid
 
 
-def locality(points: np.ndarray, edges: np.ndarray | None = None) -> np.ndarray:
+def locality_order(points: np.ndarray, edges: np.ndarray | None = None) -> np.ndarray:
     """Order of points, (n,) int32: point order[i] comes at place i. By levels of the mesh if edges (m, 2) are given and
     meet in equal numbers at most points, else along Hilbert's curve. Points [m], (n, 3), finite; they may coincide."""
     points = np.asarray(points, np.float64).reshape(-1, 3)
     if edges is None or len(edges) == 0 or len(points) < 3:
-        return hilbert(points)
+        return hilbert_order(points)
     edges = np.asarray(edges, np.int64).reshape(-1, 2)
     meeting = np.bincount(edges.ravel(), minlength=len(points))
     regular = np.bincount(meeting).max() >= REGULAR * len(points)
-    return levels(points, edges) if regular else hilbert(points)
+    return level_order(points, edges) if regular else hilbert_order(points)
 
 
-def levels(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def level_order(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Order of points (n,) int32 by levels from the low end of the longest side of their box, all islands at once."""
     n = len(points)
     along = points[:, int(np.argmax(np.ptp(points, axis=0)))]
-    label = islands(n, edges)
+    label = labels_of_islands(n, edges)
     low = np.full(int(label.max()) + 1, np.inf)
     np.minimum.at(low, label, along)
     some = edges[::max(1, len(edges) // 100_000)]
     width = 0.5 * np.linalg.norm(points[some[:, 0]] - points[some[:, 1]], axis=1).mean()
     end = np.flatnonzero(along <= low[label] + width)
-    return _breadth(n, edges, _threaded(end, edges, n)).astype(np.int32)
+    return _breadth_first_order(n, edges, _order_along_front(end, edges, n)).astype(np.int32)
 
 
-def _breadth(n: int, edges: np.ndarray, front: np.ndarray) -> np.ndarray:
+def _breadth_first_order(n: int, edges: np.ndarray, front: np.ndarray) -> np.ndarray:
     """The points that edges join to a front, level after level, in the order of the mean place of their neighbours."""
-    starts, items = incident(edges, n)
+    starts, items = incident_rows(edges, n)
     neighbour = edges[items].sum(axis=1) - np.repeat(np.arange(n), np.diff(starts))
     seen, order = np.zeros(n, bool), []
     while len(front):
         seen[front] = True
         order.append(front)
-        slot, place = slots(starts, front)
+        slot, place = incident_positions(starts, front)
         to = neighbour[slot]
         place, to = place[~seen[to]], to[~seen[to]]
         by_point = np.argsort(to, kind="stable")
@@ -68,22 +68,22 @@ def _breadth(n: int, edges: np.ndarray, front: np.ndarray) -> np.ndarray:
     return np.concatenate(order)
 
 
-def _threaded(front: np.ndarray, edges: np.ndarray, n: int) -> np.ndarray:
+def _order_along_front(front: np.ndarray, edges: np.ndarray, n: int) -> np.ndarray:
     """A front in the order of its own edges: from one end to the other, piece after piece."""
     number = np.full(n, -1)
     number[front] = np.arange(len(front))
     inner = number[edges]
     inner = inner[(inner >= 0).all(axis=1)]
-    piece = islands(len(front), inner)
+    piece = labels_of_islands(len(front), inner)
     start = np.unique(piece, return_index=True)[1]
     for _ in range(2):                                      # what is reached last is an end of its piece
-        order = _breadth(len(front), inner, start)
+        order = _breadth_first_order(len(front), inner, start)
         start[piece[order]] = order
-    order = _breadth(len(front), inner, start[np.argsort(start)])
+    order = _breadth_first_order(len(front), inner, start[np.argsort(start)])
     return front[order[np.argsort(piece[order], kind="stable")]]
 
 
-def pattern(ids: np.ndarray, n: int) -> np.ndarray:
+def colours_by_level(ids: np.ndarray, n: int) -> np.ndarray:
     """Colours (m,) for constraints of two points, (m, 2), if the points are numbered by levels: threads that follow
     each other then read points that follow each other. They may clash here and there, and are of no use without levels.
 
@@ -106,7 +106,7 @@ def pattern(ids: np.ndarray, n: int) -> np.ndarray:
     return np.where(inside, low & 1, 2 + 2 * which + (level[low] & 1))
 
 
-def hilbert(points: np.ndarray, bits: int = 21) -> np.ndarray:
+def hilbert_order(points: np.ndarray, bits: int = 21) -> np.ndarray:
     """Order of points (n,) int32 along Hilbert's curve through cells of 2^-bits of the largest extent. Directions
     without extent take no part."""
     if len(points) == 0:
@@ -117,10 +117,10 @@ def hilbert(points: np.ndarray, bits: int = 21) -> np.ndarray:
         return np.arange(len(points), dtype=np.int32)
     axes = np.flatnonzero(extent > 1e-3 * size)
     cells = np.minimum((points - low)[:, axes] * (2.0**bits / size), 2**bits - 1).astype(np.int64)
-    return order_of(_curve([np.ascontiguousarray(cells[:, k]) for k in range(len(axes))], bits)).astype(np.int32)
+    return order_of(_hilbert_index([np.ascontiguousarray(cells[:, k]) for k in range(len(axes))], bits)).astype(np.int32)
 
 
-def _curve(X: list[np.ndarray], bits: int) -> np.ndarray:
+def _hilbert_index(X: list[np.ndarray], bits: int) -> np.ndarray:
     """Place along Hilbert's curve of cells given by one integer array for each of 1 to 3 axes."""
     for b in range(bits - 1, 0, -1):
         below = (1 << b) - 1

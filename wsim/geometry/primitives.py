@@ -2,7 +2,7 @@
 scale its shape cannot take. NumPy only.
 
 Each function returns (points (n, 3) float64, triangles (t, 3) int32), counter-clockwise seen from outside, closed where
-the solid is: no point twice, a pole is one point. The axis of round solids is z; `along` turns it to x or y. Points lie
+the solid is: no point twice, a pole is one point. The axis of round solids is z; `turn_to_axis` turns it to x or y. Points lie
 on the solid, so the triangles lie inside a cylinder by at most r (1 - cos(pi / sides)), inside a ball by twice that.
 """
 
@@ -13,7 +13,7 @@ _OCTAHEDRON = (np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]
                np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]))
 
 
-def lathe(profile, sides: int = 64) -> Outline:
+def surface_of_revolution(profile, sides: int = 64) -> Outline:
     """Surface of revolution about z. profile: (r, z) from the lower to the upper end, shape (m, 2); of rows that are
     equal the first counts. Points by row, from below; triangles likewise."""
     profile = np.asarray(profile, float)
@@ -29,47 +29,47 @@ def lathe(profile, sides: int = 64) -> Outline:
     return points[real], both[np.stack([r[:-1] > 0, r[1:] > 0], axis=1)].reshape(-1, 3).astype(np.int32)
 
 
-def _arc(radius: float, center: float, start: float, end: float, steps: int) -> np.ndarray:
+def _circle_arc(radius: float, center: float, start: float, end: float, steps: int) -> np.ndarray:
     """Points (r, z) of a circle about (0, center) between two latitudes [rad]; the poles are exact."""
     angle = np.linspace(start, end, steps + 1)
     r = np.where(np.isclose(np.abs(angle), 0.5 * np.pi), 0.0, np.cos(angle))
     return np.stack([radius * r, center + radius * np.sin(angle)], axis=1)
 
 
-def sphere(radius: float, sides: int = 64) -> Outline:
-    return lathe(_arc(radius, 0.0, -0.5 * np.pi, 0.5 * np.pi, max(sides // 2, 2)), sides)
+def sphere_outline(radius: float, sides: int = 64) -> Outline:
+    return surface_of_revolution(_circle_arc(radius, 0.0, -0.5 * np.pi, 0.5 * np.pi, max(sides // 2, 2)), sides)
 
 
-def capsule(bottom: float, top: float, half_height: float, sides: int = 64) -> Outline:
+def capsule_outline(bottom: float, top: float, half_height: float, sides: int = 64) -> Outline:
     """Two half balls of those radii and the cone between them; half_height of the straight part."""
-    return lathe(np.concatenate([_arc(bottom, -half_height, -0.5 * np.pi, 0.0, max(sides // 4, 1)),
-                                 _arc(top, half_height, 0.0, 0.5 * np.pi, max(sides // 4, 1))]), sides)
+    return surface_of_revolution(np.concatenate([_circle_arc(bottom, -half_height, -0.5 * np.pi, 0.0, max(sides // 4, 1)),
+                                                 _circle_arc(top, half_height, 0.0, 0.5 * np.pi, max(sides // 4, 1))]), sides)
 
 
-def cylinder(bottom: float, top: float, half_height: float, sides: int = 64) -> Outline:
+def cylinder_outline(bottom: float, top: float, half_height: float, sides: int = 64) -> Outline:
     """Closed; a radius of 0 gives a cone."""
-    return lathe([(0.0, -half_height), (bottom, -half_height), (top, half_height), (0.0, half_height)], sides)
+    return surface_of_revolution([(0.0, -half_height), (bottom, -half_height), (top, half_height), (0.0, half_height)], sides)
 
 
-def box(half) -> Outline:
+def box_outline(half) -> Outline:
     """half: half edges, shape (3,)."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float) * np.asarray(half, float)
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
     return corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
 
 
-def plate(half_x: float, half_y: float) -> Outline:
+def plate_outline(half_x: float, half_y: float) -> Outline:
     """Rectangle at z = 0, facing up."""
     points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float) * (half_x, half_y, 1.0)
     return points, np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
-def along(axis: str, points: np.ndarray) -> np.ndarray:
+def turn_to_axis(axis: str, points: np.ndarray) -> np.ndarray:
     """Turns shapes made along z to "X", "Y" or "Z", by a cyclic exchange of coordinates (a rotation)."""
     return points[:, {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}[axis]]
 
 
-def beads(points: np.ndarray, radii) -> Outline:
+def bead_outlines(points: np.ndarray, radii) -> Outline:
     """A small ball (an octahedron, shaded round) at each point; radii (n,) or one for all."""
     ball, faces = _OCTAHEDRON
     radii = np.broadcast_to(np.asarray(radii, float), (len(points),))
@@ -77,7 +77,7 @@ def beads(points: np.ndarray, radii) -> Outline:
     return places.reshape(-1, 3), (faces + 6 * np.arange(len(points))[:, None, None]).reshape(-1, 3).astype(np.int32)
 
 
-def rods(points: np.ndarray, segments: np.ndarray, radii, sides: int = 6) -> Outline:
+def rod_outlines(points: np.ndarray, segments: np.ndarray, radii, sides: int = 6) -> Outline:
     """A prism along each segment (m, 2) of points (n, 3); radii (n,) or one. Segments of no length stay flat."""
     radii = np.broadcast_to(np.asarray(radii, float), (len(points),))
     ends = points[segments]                                                  # (m, 2, 3)

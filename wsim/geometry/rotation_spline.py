@@ -17,62 +17,62 @@ of the largest eigenvalue of the sum of w q q^T (Markley, Cheng, Crassidis, Oshm
 import numpy as np
 
 from wsim.geometry.rotation import (
-    conjugate,
-    exponential,
-    inverse_right_jacobian,
-    logarithm,
-    multiply,
-    normalized,
-    right_jacobian,
-    rotate,
+    inverse_jacobian_product,
+    quat_conjugate,
+    quat_product,
+    quat_rotate,
+    quaternion_exponential,
+    quaternion_logarithm,
+    right_jacobian_product,
     slerp,
+    unit_quat,
 )
 
 
-def nlerp(p: np.ndarray, q: np.ndarray, s) -> np.ndarray:
+def lerp_normalized(p: np.ndarray, q: np.ndarray, s) -> np.ndarray:
     """Rotations from p (..., 4) to q the short way, fraction s; no rotation where they are opposite (half a turn apart) and s
     is 1/2."""
     p, q, s = np.asarray(p, np.float64), np.asarray(q, np.float64), np.asarray(s, np.float64)[..., None]
     near = np.where((p * q).sum(-1, keepdims=True) < 0.0, -q, q)
-    return normalized(p + s * (near - p))
+    return unit_quat(p + s * (near - p))
 
 
-def squad(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> np.ndarray:
+def spherical_quadrangle(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> np.ndarray:
     """Rotations from q0 to q1 (..., 4), inner quaternions a and b, fraction s of the time."""
     s = np.asarray(s, np.float64)
     return slerp(slerp(q0, q1, s), slerp(a, b, s), 2.0 * s * (1.0 - s))
 
 
-def squad_rate(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> tuple[np.ndarray, np.ndarray]:
+def spherical_quadrangle_rate(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> tuple[np.ndarray, np.ndarray]:
     """(squad (..., 4), its angular velocity about own axes (..., 3) [rad a unit of s]), exact.
 
     With p = slerp(q0, q1, s), r = slerp(a, b, s), w = log(p* r), h = 2 s (1 - s) squad is p exp(h w). w changes by the inverse
     right Jacobian of what turns r against p, exp(h w) by the right Jacobian of h' w + h w'."""
     s = np.asarray(s, np.float64)
-    u, v = logarithm(multiply(conjugate(q0), q1)), logarithm(multiply(conjugate(a), b))
-    p, r = multiply(q0, exponential(s[..., None] * u)), multiply(a, exponential(s[..., None] * v))
-    E = multiply(conjugate(p), r)
-    w = logarithm(E)
+    u, v = quaternion_logarithm(quat_product(quat_conjugate(q0), q1)), quaternion_logarithm(quat_product(quat_conjugate(a), b))
+    p, r = quat_product(q0, quaternion_exponential(s[..., None] * u)), quat_product(a, quaternion_exponential(s[..., None] * v))
+    E = quat_product(quat_conjugate(p), r)
+    w = quaternion_logarithm(E)
     h, rate = (2.0 * s * (1.0 - s))[..., None], (2.0 - 4.0 * s)[..., None]
-    dw = inverse_right_jacobian(w, v - rotate(conjugate(E), u))
-    e = exponential(h * w)
-    return multiply(p, e), rotate(conjugate(e), u) + right_jacobian(h * w, rate * w + h * dw)
+    dw = inverse_jacobian_product(w, v - quat_rotate(quat_conjugate(E), u))
+    e = quaternion_exponential(h * w)
+    return quat_product(p, e), quat_rotate(quat_conjugate(e), u) + right_jacobian_product(h * w, rate * w + h * dw)
 
 
-def inner(times: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def inner_quaternions(times: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(a, b): inner quaternions of the pieces between keys q (keys, 4) at times (keys,) [s], (keys - 1, 4) each: a belongs to
     the earlier key of a piece, b to the later. Two keys turn at constant speed."""
     dt = np.diff(np.asarray(times, np.float64))[:, None]
-    d = logarithm(multiply(conjugate(q[:-1]), q[1:]))
+    d = quaternion_logarithm(quat_product(quat_conjugate(q[:-1]), q[1:]))
     omega = np.empty((len(q), 3))
     omega[0], omega[-1] = d[0] / dt[0], d[-1] / dt[-1]
     omega[1:-1] = (d[:-1] + d[1:]) / (dt[:-1] + dt[1:])
-    a = multiply(q[:-1], exponential(0.5 * (omega[:-1] * dt - d)))
-    b = multiply(q[1:], exponential(0.5 * (d - omega[1:] * dt)))
+    a = quat_product(q[:-1], quaternion_exponential(0.5 * (omega[:-1] * dt - d)))
+    b = quat_product(q[1:], quaternion_exponential(0.5 * (d - omega[1:] * dt)))
     return a, b
 
 
-def mean(q: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+def average_rotation(q: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
     """Average (4,) with w >= 0 of rotations (n, 4), weights (n,) [1] or equal ones. Raises ValueError where there is none, or
     where weights are negative or all 0."""
     q = np.asarray(q, np.float64).reshape(-1, 4)

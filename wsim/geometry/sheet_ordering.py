@@ -14,7 +14,7 @@ random numbers 406 us.
 import numpy as np
 
 from wsim.geometry import color as colors
-from wsim.geometry.ordering import locality
+from wsim.geometry.ordering import locality_order
 from wsim.geometry.topology import order_of
 
 FLAT = 1e-3            # a sheet thinner than this part of its size is flat
@@ -33,24 +33,24 @@ def order_of_points(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
         order = order_of_points(points[joined], np.searchsorted(joined, edges))
         return np.concatenate([joined[order], np.setdiff1d(np.arange(len(points)), joined)])
     if len(edges) == 0 or len(points) < 4:
-        return locality(points, edges)
+        return locality_order(points, edges)
     centred = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     normal = axes[:, 0]
     size = np.ptp(points, axis=0).max()
     if not size > 0.0 or np.ptp(points @ normal) > FLAT * size:
-        return locality(points, edges)
-    return _rows(points, edges, normal, size)
+        return locality_order(points, edges)
+    return _order_in_rows(points, edges, normal, size)
 
 
-def _rows(points: np.ndarray, edges: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
+def _order_in_rows(points: np.ndarray, edges: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
     """Rows along the direction of the shortest edges, as wide as edges reach across them."""
     some = edges[::max(1, len(edges) // 100_000)]
     vectors = points[some[:, 1]] - points[some[:, 0]]
     lengths = np.linalg.norm(vectors, axis=1)
     real = np.flatnonzero(lengths > 1e-9 * size)
     if len(real) == 0:
-        return locality(points, edges)
+        return locality_order(points, edges)
     shortest = real[np.argmin(np.round(lengths[real] / size, 9))]
     along = vectors[shortest] / lengths[shortest]
     along = along * np.sign(along[np.argmax(np.abs(along))])
@@ -64,7 +64,7 @@ def _rows(points: np.ndarray, edges: np.ndarray, normal: np.ndarray, size: float
     return order[order_of(row[order])]
 
 
-def lowest(ids: np.ndarray) -> np.ndarray:
+def lowest_point_of_constraint(ids: np.ndarray) -> np.ndarray:
     """The smallest point of each constraint, (m,)."""
     low = ids[:, 0]
     for k in range(1, ids.shape[1]):
@@ -72,18 +72,18 @@ def lowest(ids: np.ndarray) -> np.ndarray:
     return low
 
 
-def color(ids: np.ndarray, n: int) -> np.ndarray:
+def color_sheet(ids: np.ndarray, n: int) -> np.ndarray:
     """Colour of each constraint, (m,): no point occurs twice in a colour. ids (m, k), points 0 .. n - 1."""
     if ids.shape[1] == 2 and len(ids):
-        found = _steps(ids, n)
+        found = _colours_by_stride(ids, n)
         if found is not None:
             return found
-    return colors.color(ids, n)
+    return colors.color_constraints(ids, n)
 
 
-def _steps(ids: np.ndarray, n: int) -> np.ndarray | None:
+def _colours_by_stride(ids: np.ndarray, n: int) -> np.ndarray | None:
     """Colours by distance in memory, or None where too few distances are shared by many springs."""
-    low = lowest(ids).astype(np.int64)
+    low = lowest_point_of_constraint(ids).astype(np.int64)
     step = np.abs(ids[:, 1].astype(np.int64) - ids[:, 0])
     count = np.bincount(step)
     common = np.flatnonzero(count > COMMON * len(ids))
@@ -98,7 +98,7 @@ def _steps(ids: np.ndarray, n: int) -> np.ndarray | None:
     found = 2 * kind + (low // step) % 2
     rare = np.flatnonzero(kind < 0)
     if len(rare):
-        found[rare] = 2 * len(common) + color(ids[rare], n)
+        found[rare] = 2 * len(common) + color_sheet(ids[rare], n)
     number = np.cumsum(np.bincount(found) > 0) - 1                    # without the colours that nothing has
     return number[found].astype(np.int32)
 

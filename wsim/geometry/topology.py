@@ -12,8 +12,8 @@ from functools import reduce
 
 import numpy as np
 
-from wsim.geometry.memo import latest
-from wsim.geometry.triangulate import doubled
+from wsim.geometry.memo import keep_latest_results
+from wsim.geometry.triangulate import doubled_area_normal
 
 CELLS = 2.0**53        # tolerances from the origin that a weld can count: beyond, neighbours in float64 are further apart
 
@@ -29,12 +29,12 @@ def order_of(keys: np.ndarray) -> np.ndarray:
     return packed & ((1 << bits) - 1)
 
 
-def lowest(ids: np.ndarray) -> np.ndarray:
+def smallest_point_of_row(ids: np.ndarray) -> np.ndarray:
     """Smallest point of each row of ids (m, k), (m,). (By columns: NumPy takes several times longer by rows.)"""
     return reduce(np.minimum, ids.T)
 
 
-def incident(ids: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+def incident_rows(ids: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows of ids (m, k) that name each of n points: those of point p are items[starts[p]:starts[p + 1]], ascending."""
     ids = np.asarray(ids)
     starts = np.zeros(n + 1, np.int64)
@@ -42,15 +42,15 @@ def incident(ids: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     return starts, (order_of(ids.ravel()) // max(ids.shape[1], 1)).astype(np.int32)
 
 
-def slots(starts: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions in a list of `incident` that belong to the given points, and the number of the point of each."""
+def incident_positions(starts: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions in a list of `incident_rows` that belong to the given points, and the number of the point of each."""
     counts = starts[points + 1] - starts[points]
     which = np.repeat(np.arange(len(points)), counts)
     return np.arange(len(which)) + (starts[points] - np.cumsum(counts) + counts)[which], which
 
 
-@latest
-def weld(points: np.ndarray, tolerance: float) -> np.ndarray:
+@keep_latest_results
+def weld_points(points: np.ndarray, tolerance: float) -> np.ndarray:
     """Particle of each point, (n,) int32, numbered by first appearance. Points nearer than tolerance [m] are one
     particle, and so are chains of such points. Tolerance 0 welds nothing, not even equal points.
 
@@ -64,7 +64,7 @@ def weld(points: np.ndarray, tolerance: float) -> np.ndarray:
         raise ValueError(f"weld tolerance is {tolerance}; it must be finite and >= 0 [m]")
     if tolerance == 0 or n == 0:
         return np.arange(n, dtype=np.int32)
-    places, place = np.unique(points, axis=0, return_inverse=True) if n < 2048 else distinct(points)
+    places, place = np.unique(points, axis=0, return_inverse=True) if n < 2048 else distinct_rows(points)
     reach = float(np.abs(points).max())
     if not reach < CELLS * tolerance:                        # also: not finite
         raise ValueError(f"weld tolerance {tolerance:g} m is too small for points {reach:g} m away, which floating point "
@@ -74,7 +74,7 @@ def weld(points: np.ndarray, tolerance: float) -> np.ndarray:
     for corner in range(8):
         high = np.array([corner & 1, corner >> 1 & 1, corner >> 2], bool)
         fresh = ((corners[0] != corners[1]) | ~high).all(axis=1)        # cells not entered already
-        keys.append(_hash(np.where(high, corners[1], corners[0])[fresh]))
+        keys.append(_hash_of_cells(np.where(high, corners[1], corners[0])[fresh]))
         owners.append(np.flatnonzero(fresh))
     key, owner = np.concatenate(keys), np.concatenate(owners)
     order = np.argsort(key, kind="stable")
@@ -89,17 +89,17 @@ def weld(points: np.ndarray, tolerance: float) -> np.ndarray:
         if tested > 1e6 + 64 * n:
             raise ValueError(f"weld tolerance {tolerance:g} m holds too many of the {n} points: it must be well under "
                              "the distance of neighbouring points; lower it")
-    return _numbered(islands(len(places), np.concatenate(found))[place])
+    return _number_by_appearance(labels_of_islands(len(places), np.concatenate(found))[place])
 
 
-def _hash(cells: np.ndarray) -> np.ndarray:
+def _hash_of_cells(cells: np.ndarray) -> np.ndarray:
     """One 64-bit key for each row of integers, (m, 3); different rows may share a key."""
     x, y, z = (cells[:, k].view(np.uint64) for k in range(3))
     key = x * np.uint64(0x9E3779B97F4A7C15) + y * np.uint64(0xC2B2AE3D27D4EB4F) + z * np.uint64(0x165667B19E3779F9)
     return key ^ (key >> np.uint64(32))
 
 
-def distinct(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def distinct_rows(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distinct rows of points, (p, 3), and the row of each point, (n,)."""
     order = np.lexsort(points.T)
     new = np.ones(len(points), bool)
@@ -109,7 +109,7 @@ def distinct(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points[order][new], place
 
 
-def _numbered(labels: np.ndarray) -> np.ndarray:
+def _number_by_appearance(labels: np.ndarray) -> np.ndarray:
     """Labels renamed 0, 1, 2, ... by first appearance, (n,) int32."""
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int32)
@@ -124,18 +124,18 @@ def half_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return start, end, opposite, np.minimum(start, end) * (int(triangles.max(initial=0)) + 1) + np.maximum(start, end)
 
 
-def _counted(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _count_distinct_keys(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distinct keys, ascending, and how often each occurs. (NumPy's own unique hashes, which is slower here.)"""
     return _counted_sorted(np.sort(keys))
 
 
 def _counted_sorted(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `_counted`, of keys in ascending order."""
+    """As `_count_distinct_keys`, of keys in ascending order."""
     starts = np.flatnonzero(np.r_[np.ones(min(len(keys), 1), bool), keys[1:] != keys[:-1]])
     return keys[starts], np.diff(np.r_[starts, len(keys)])
 
 
-def directed(keys: np.ndarray, forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def count_directed_keys(keys: np.ndarray, forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distinct keys, ascending; how often each occurs, and how often forward, (m,) each. (One sort, no search: at
     random numbering a search in millions of keys takes far longer.)"""
     marked = np.sort(keys * 2 + forward)
@@ -143,14 +143,14 @@ def directed(keys: np.ndarray, forward: np.ndarray) -> tuple[np.ndarray, np.ndar
     return sides, uses, np.add.reduceat(marked & 1, np.cumsum(uses) - uses) if len(uses) else uses
 
 
-def edges(triangles: np.ndarray) -> np.ndarray:
+def edges_of_triangles(triangles: np.ndarray) -> np.ndarray:
     """Edges, each once, (m, 2) int32, lower point first, ascending."""
-    key, _ = _counted(half_edges(triangles)[3])
+    key, _ = _count_distinct_keys(half_edges(triangles)[3])
     n = int(np.max(triangles, initial=0)) + 1
     return np.stack([key // n, key % n], axis=1).astype(np.int32)
 
 
-def hinges(triangles: np.ndarray) -> np.ndarray:
+def hinges_of_triangles(triangles: np.ndarray) -> np.ndarray:
     """Rows (i, j, left, right), (k, 4) int32: edge i-j between triangles with corners (i, j, left) and (j, i, right).
 
     Where the windings disagree the right triangle is (i, j, right). An edge of more than two triangles gives a hinge
@@ -164,8 +164,8 @@ def hinges(triangles: np.ndarray) -> np.ndarray:
     return found[found[:, 2] != found[:, 3]]
 
 
-@latest
-def islands(n: int, edges: np.ndarray) -> np.ndarray:
+@keep_latest_results
+def labels_of_islands(n: int, edges: np.ndarray) -> np.ndarray:
     """Label of each of n points, (n,) int32: equal if edges (m, 2) join them; numbered by first appearance."""
     label = np.arange(n)
     a, b = np.asarray(edges, np.int64).reshape(-1, 2).T
@@ -179,12 +179,12 @@ def islands(n: int, edges: np.ndarray) -> np.ndarray:
     return (np.cumsum(label == np.arange(n)) - 1)[label].astype(np.int32)      # a root is its island's first point
 
 
-def geodesic(points: np.ndarray, edges: np.ndarray, sources: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def geodesic_distance(points: np.ndarray, edges: np.ndarray, sources: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distance [m] of each point along edges to the nearest source, (n,) float64, and that source, (n,) int32.
     Points that no source reaches: inf and -1."""
     points, edges = np.asarray(points, np.float64).reshape(-1, 3), np.asarray(edges, np.int64).reshape(-1, 2)
     length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
-    starts, items = incident(edges, len(points))
+    starts, items = incident_rows(edges, len(points))
     neighbour = edges[items].sum(axis=1) - np.repeat(np.arange(len(points)), np.diff(starts))
     reach = length[items]
     distance, source = np.full(len(points), np.inf), np.full(len(points), -1, np.int32)
@@ -194,7 +194,7 @@ def geodesic(points: np.ndarray, edges: np.ndarray, sources: np.ndarray) -> tupl
     while len(active):
         near = distance[active] <= distance[active].min() + width
         now, later = active[near], active[~near]
-        slot, which = slots(starts, now)
+        slot, which = incident_positions(starts, now)
         to, trial, origin = neighbour[slot], distance[now][which] + reach[slot], source[now][which]
         better = trial < distance[to]
         to, trial, origin = to[better], trial[better], origin[better]
@@ -207,36 +207,36 @@ def geodesic(points: np.ndarray, edges: np.ndarray, sources: np.ndarray) -> tupl
 
 # Surfaces
 
-def normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def area_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Normal of each triangle times its area [m^2], (t, 3) float64."""
-    return 0.5 * doubled(np.asarray(points, np.float64), triangles)[0]
+    return 0.5 * doubled_area_normal(np.asarray(points, np.float64), triangles)[0]
 
 
-def areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Area of each triangle [m^2], (t,) float64."""
-    return np.linalg.norm(normals(points, triangles), axis=1)
+    return np.linalg.norm(area_normals(points, triangles), axis=1)
 
 
 def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Unit normal of each point, (n, 3) float64: its triangles weighed by area. Zero where there is none."""
-    normal, corner = np.repeat(normals(points, triangles), 3, axis=0), np.asarray(triangles).ravel()
+    normal, corner = np.repeat(area_normals(points, triangles), 3, axis=0), np.asarray(triangles).ravel()
     total = np.stack([np.bincount(corner, normal[:, k], len(points)) for k in range(3)], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.divide(total, length, out=np.zeros(total.shape), where=length > 0)
 
 
-def places(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def rows_of_triangles(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Row in `triangles` (t, 3) of each triangle of `corners` (m, 3), whose corners may stand in another order, (m,)."""
     n = int(triangles.max(initial=0)) + 1
 
-    def key(rows: np.ndarray) -> np.ndarray:
+    def sorted_corner_key(rows: np.ndarray) -> np.ndarray:
         s = np.sort(rows, axis=1).astype(np.int64)
         return (s[:, 0] * n + s[:, 1]) * n + s[:, 2]
-    keys = key(triangles)
+    keys = sorted_corner_key(triangles)
     order = np.argsort(keys)
-    return order[np.searchsorted(keys[order], key(corners))]
+    return order[np.searchsorted(keys[order], sorted_corner_key(corners))]
 
 
-def beside(triangles: np.ndarray, hinges: np.ndarray) -> np.ndarray:
+def triangles_beside_hinges(triangles: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     """Rows in `triangles` of the two triangles of each hinge (m, 4), (2, m)."""
-    return np.stack([places(triangles, hinges[:, [0, 1, k]]) for k in (2, 3)])
+    return np.stack([rows_of_triangles(triangles, hinges[:, [0, 1, k]]) for k in (2, 3)])

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from wsim.geometry.memo import latest
-from wsim.geometry.topology import islands, weld
+from wsim.geometry.memo import keep_latest_results
+from wsim.geometry.topology import labels_of_islands, weld_points
 
 NEAR = 1e-6             # of the extent: corners nearer than this are one
 
 
-@latest
+@keep_latest_results
 def wound_alike(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Triangles (t, 3) of points (n, 3) [m] with consistent winding: in each connected piece the minority is flipped.
 
@@ -17,12 +17,12 @@ def wound_alike(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """
     triangles = np.asarray(triangles).reshape(-1, 3)
     count = len(triangles)
-    first, second, against = _neighbours(np.asarray(points, np.float64), triangles)
+    first, second, against = _neighbour_triangles(np.asarray(points, np.float64), triangles)
     if not against.any():
         return triangles
     # Each triangle twice, as it is and flipped: an orientable piece gives two components, one for each winding.
     pairs = [np.stack([first + count * side, second + count * np.where(against, 1 - side, side)], 1) for side in (0, 1)]
-    label = islands(2 * count, np.concatenate(pairs))
+    label = labels_of_islands(2 * count, np.concatenate(pairs))
     plain, over = label[:count].astype(np.int64), label[count:].astype(np.int64)
     piece, turned = np.minimum(plain, over), plain > over
     balance = np.bincount(piece, np.where(turned, 1.0, -1.0))
@@ -32,9 +32,9 @@ def wound_alike(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return found
 
 
-def _neighbours(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _neighbour_triangles(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pairs of triangles that share an edge, (m,) and (m,), and whether they pass it in the same direction (m,)."""
-    corner = weld(points, NEAR * float(np.ptp(points, axis=0).max(initial=0.0)))[triangles].astype(np.int64)
+    corner = weld_points(points, NEAR * float(np.ptp(points, axis=0).max(initial=0.0)))[triangles].astype(np.int64)
     flat = (corner == np.roll(corner, -1, axis=1)).any(axis=1)
     start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
     owner = np.repeat(np.arange(len(triangles)), 3)

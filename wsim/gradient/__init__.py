@@ -2,6 +2,6 @@
 not in it raises, and never gives a zero. In brackets stand the solvers by which a row is tested.
 """
 
-from wsim.scene.values.coverage import text
+from wsim.scene.values.coverage import coverage_text
 
-__doc__ = f"{__doc__}\n{text()}\n"
+__doc__ = f"{__doc__}\n{coverage_text()}\n"

@@ -19,14 +19,14 @@ MOST = {"float32": 300.0, "float64": 1e8}    # of amplification without a warnin
 LANES = 1024           # sums of a GPU
 
 
-class Growth:
+class GradientGrowth:
     """Norms of the gradient by the positions, before and after each frame on the way back."""
 
     def __init__(self, frames: int, device, real):
         lanes = LANES if device.is_cuda else 1
         self.sums = wp.zeros((2, frames, lanes), dtype=wp.float64, device=device)
         self.dot = newton_adjoint.dot(real, "unique")
-        kernel_cache.load(self.dot.module, device)
+        kernel_cache.load_kernel_module(self.dot.module, device)
 
     def note(self, grad: wp.array, frame: int, after: bool) -> None:
         part = self.sums[int(after)][frame]

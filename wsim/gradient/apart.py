@@ -23,13 +23,14 @@ PART = {"float32": 1e-3, "float64": 1e-4}      # of the distance that points mov
 DIRECTIONS = 2
 
 
-class Apart:
+class DifferenceToSimulation:
     """The difference, measured after a recording has run. Warns where it is large. Costs one run of a simulation."""
 
     def __init__(self, recording):
         self.gradient: float | None = None             # among contacts, after the first `backward`
-        here, last = places(recording.state), recording.frames
-        begun, *_, plain = simulated(recording, lambda frame: places(recording.state) if frame in (0, last) else None)
+        here, last = exact_positions(recording.state), recording.frames
+        begun, *_, plain = simulate_recorded_frames(recording, lambda frame: exact_positions(recording.state)
+                                                    if frame in (0, last) else None)
         self.places, self.way = (float(np.linalg.norm(x - here, axis=1).max()) for x in (plain, begun))        # [m]
         if not self.places <= MOST * self.way:
             part = 100.0 * self.places / max(self.way, 1e-300)
@@ -48,12 +49,13 @@ class Apart:
             return
         free = recording.plan.ports.constants.w.numpy()[:, None] > 0.0
 
-        def run(change: np.ndarray) -> float:
-            return sum(simulated(recording, partial(loss, state, seeds), partial(kick, state.v, change)))
-        here = run(0.0 * by)
+        def linearised_loss_after(change: np.ndarray) -> float:
+            return sum(simulate_recorded_frames(recording, partial(linearised_loss, state, seeds),
+                                                partial(kick_velocities, state.v, change)))
+        here = linearised_loss_after(0.0 * by)
         for _ in range(DIRECTIONS):
             way = free * rng.choice([-1.0, 1.0], by.shape)
-            slopes = [(run(s * step * way) - here) / (s * step) for s in (1.0, -1.0)]
+            slopes = [(linearised_loss_after(s * step * way) - here) / (s * step) for s in (1.0, -1.0)]
             square += min((slope - float((by * way).sum()))**2 for slope in slopes) / DIRECTIONS
         recording.pose(0)
         self.gradient = float(np.sqrt(square)) / size
@@ -63,7 +65,7 @@ class Apart:
                            f"(positions by {100.0 * self.places / self.way:.2g} %); take more iterations or substeps")
 
 
-def simulated(recording, read: Callable[[int], Any], before: Callable[[], None] = lambda: None) -> list:
+def simulate_recorded_frames(recording, read: Callable[[int], Any], before: Callable[[], None] = lambda: None) -> list:
     """Runs a simulation with the plan of a recording, and returns read(frame) at the start (frame 0) and after each frame. The
     arrays of the recording are restored at the end. before: called at the start, to change the state."""
     plan, state = recording.plan, recording.state
@@ -82,18 +84,18 @@ def simulated(recording, read: Callable[[int], Any], before: Callable[[], None] 
     return found
 
 
-def places(state) -> np.ndarray:
+def exact_positions(state) -> np.ndarray:
     """Positions of all points, (n, 3) [m]."""
     return state.x.numpy().astype(np.float64) + state.e.numpy()
 
 
-def loss(state, seeds, frame: int) -> float:
+def linearised_loss(state, seeds, frame: int) -> float:
     """Contribution of a frame to the loss, linearised in positions and velocities."""
-    each = [(places(state) if base is state.x else base.numpy(), given[frame]) for base, given in seeds.arrays
+    each = [(exact_positions(state) if base is state.x else base.numpy(), given[frame]) for base, given in seeds.arrays
             if frame in given]
     return sum(float((x * (w.numpy() if isinstance(w, wp.array) else w)).sum()) for x, w in each)
 
 
-def kick(v: wp.array, change: np.ndarray) -> None:
+def kick_velocities(v: wp.array, change: np.ndarray) -> None:
     """Adds a change [m/s] to the velocities, (n, 3)."""
     v.assign(v.numpy() + change)

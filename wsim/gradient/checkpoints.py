@@ -22,7 +22,7 @@ import numpy as np
 import warp as wp
 
 from wsim.scene import Problem, SceneError
-from wsim.simulation.measure.memory import free, size
+from wsim.simulation.measure.memory import format_bytes, free_bytes
 
 FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free on a GPU: segments run twice
 PART = 0.25
@@ -30,7 +30,7 @@ LAUNCH = 6.5e3         # [B] that a CPU keeps for each launch, on the tape and i
 
 
 @dataclass
-class Segments:
+class CheckpointCosts:
     """Cost of a recording; `where` is the device's name."""
 
     frames: int
@@ -69,13 +69,13 @@ class Segments:
 
     def longest(self) -> int:
         """Substeps of the longest segment that fits; 0: none does."""
-        def root(each: float, free: float) -> int:
+        def longest_by_quadratic(each: float, free: float) -> int:
             square = free * free - 4.0 * each * self.total * self.point
             return int((free + sqrt(square)) / (2.0 * each)) if free > 0.0 and square >= 0.0 else 0
         free = self.room - self.fixed - self.over
-        found = root(self.each + self.launches, free)
+        found = longest_by_quadratic(self.each + self.launches, free)
         if found < self.substeps:
-            found = min(root(self.each, free - self.substeps * self.launches), self.substeps)
+            found = min(longest_by_quadratic(self.each, free - self.substeps * self.launches), self.substeps)
         while found and self.bytes(found) > self.room:            # the number of checkpoints is a whole one
             found -= 1
         return min(found, self.total)
@@ -90,13 +90,13 @@ class Segments:
         return least
 
     @property
-    def ample(self) -> float:
+    def ample_bytes(self) -> float:
         """Bytes up to which everything is kept unasked."""
         return min(self.room, max(FULL, PART * self.room if self.where.startswith("cuda") else 0.0))
 
     def choose(self, keep: str) -> int:
         """Substeps of a segment, 0: everything is kept. Raises SceneError where that does not fit."""
-        wanted = 0 if keep == "all" or (keep == "auto" and self.full <= self.ample) else self.best
+        wanted = 0 if keep == "all" or (keep == "auto" and self.full <= self.ample_bytes) else self.best
         need = self.bytes(wanted) if wanted else self.full
         if need > self.room:
             raise SceneError(self.problem(need))
@@ -107,43 +107,43 @@ class Segments:
         longest, best, frames = self.longest() // self.solves, self.best // self.solves, self.most()
         if longest:
             mend = f"keep=\"checkpoints\" fits, in segments of up to {longest} substeps (of {best} it keeps " \
-                   f"{size(self.bytes(self.best))})"
+                   f"{format_bytes(self.bytes(self.best))})"
         elif frames:
             mend = f"record {frames} frames at most, or take fewer substeps or float32"
         else:
             mend = "not even one frame fits: take fewer points, fewer substeps or float32"
         return Problem("memory", f"recording {self.frames} frames of {self.substeps // self.solves} substeps keeps {need} "
-                       f"bytes ({size(need)}), and {size(self.room)} are free on {self.where}; {mend}")
+                       f"bytes ({format_bytes(need)}), and {format_bytes(self.room)} are free on {self.where}; {mend}")
 
 
-def measured(recording) -> tuple[Segments, tuple[float, ...]]:
-    """The cost of a `wsim.gradient.recording.Recording`, and scalars of each kind that a substep takes (`Slots.used`)."""
+def measure_recording_cost(recording) -> tuple[CheckpointCosts, tuple[float, ...]]:
+    """The cost of a `wsim.gradient.recording.Recording`, and scalars of each kind that a substep takes (`ArraySlots.used`)."""
     sim, slots, S, F = recording.sim, recording.slots, recording.plan.clock.substeps, recording.frames
-    room, real = free(sim.device), wp.types.type_size_in_bytes(sim.model.real)
+    room, real = free_bytes(sim.device), wp.types.type_size_in_bytes(sim.model.real)
     recording.plan.before_frame(sim.time)
     one, entries, launches = 0, {}, []
 
-    def record(first: int, last: int) -> int:
+    def record_and_count_bytes(first: int, last: int) -> int:
         slots.drop()
         tape = recording.record(first, last)
         entries.update((id(root), root.base.capacity) for root, _ in tape.entries)
-        launches.append(launched(tape, sim.device))
+        launches.append(bytes_of_launches(tape, sim.device))
         return slots.bytes
     for first in (*{0, S - 1}, 0):               # again: what is read before it is written is known from then on
-        begin = record(first, first + 1)
+        begin = record_and_count_bytes(first, first + 1)
         one = max(one, begin)
     last = S if S * one <= room else min(S, 2)
-    whole = record(0, last) if last > 1 else begin
+    whole = record_and_count_bytes(0, last) if last > 1 else begin
     each = whole / last if last == S else float(whole - begin)
     scalars = tuple(n * each / whole for n in slots.used)
     slots.drop()
     copies = max((last * launches[-2] - launches[-1]) / (last - 1), 0.0) if last > 1 else 0.0
     fixed = 6 * (F + 1) * sim.model.points * real + (recording.fluids.bytes(F) if recording.fluids else 0)
-    return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
-                    recording.plan.clock.integrator.solves, launches[-1] / max(last, 1), copies), scalars
+    return CheckpointCosts(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
+                           recording.plan.clock.integrator.solves, launches[-1] / max(last, 1), copies), scalars
 
 
-def launched(tape, device) -> float:
+def bytes_of_launches(tape, device) -> float:
     """Bytes that the host keeps for a `wsim.model.tape.Tape`: for steps that run there, which contacts decide on as they come,
     and on a CPU for launches, forward and backward."""
     return host_bytes(tape.host, set()) + (0.0 if device.is_cuda else LAUNCH * (len(tape.steps) + len(tape.adjoints)))
@@ -166,7 +166,7 @@ def host_bytes(thing, seen: set[int]) -> int:
 
 
 @contextmanager
-def in_words(cost: Callable[[], "tuple[Segments, int, int] | None"], where: str):
+def in_words(cost: Callable[[], "tuple[CheckpointCosts, int, int] | None"], where: str):
     """An allocation that fails within becomes a SceneError. cost(): segments, what is needed and what was got [bytes]; None
     where that is not known yet."""
     try:

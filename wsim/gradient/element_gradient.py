@@ -8,16 +8,16 @@ import numpy as np
 import warp as wp
 
 from wsim.gradient.rest_shape import RestShape, by_masses
-from wsim.gradient.tables import Parameters
+from wsim.gradient.tables import GradientTables
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Springs
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 
 class ElementGradient:
     """The gradient with respect to lengths, rest shapes and materials."""
 
-    parameters: Parameters
+    parameters: GradientTables
     model: Any
     plan: Any
     grads: dict[int, np.ndarray]          # by the address of an array
@@ -35,11 +35,11 @@ class ElementGradient:
         """Gradient with respect to the rest lengths of a spring net [1/m], (edges,), in the author's order."""
         body = self.model.body(path, world)
         if not isinstance(body.source, Springs):
-            raise refuse("lengths", body.path)
-        found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
+            raise gradient_refusal("lengths", body.path)
+        found = [self.entries["rest"][part] for r, part in _parts_of_table(self.parameters.springs) if r.body is body]
         for batch in self.parameters.batches:
             rest = batch.lengths or batch.data.rest
-            found += [self.by_rows(batch, rest)[part] for r, part in _parts(batch.rows) if r.body is body]
+            found += [self.by_rows(batch, rest)[part] for r, part in _parts_of_table(batch.rows) if r.body is body]
         return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
@@ -51,7 +51,7 @@ class ElementGradient:
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
         if not parts:
-            raise refuse("material", body.path, name=name, names=", ".join(self.names(body)))
+            raise gradient_refusal("material", body.path, name=name, names=", ".join(self.names(body)))
         every = np.concatenate(parts)
         return every if elements else float(every.sum())
 
@@ -68,7 +68,7 @@ class ElementGradient:
         for each in self.at_rest(body):
             shape.rows(*each)
         for table in self.parameters.tables:
-            for p, part in _parts(table.parts):
+            for p, part in _parts_of_table(table.parts):
                 if p.body is body:
                     shape.tets(p.rows, self.of((table.plastic or table).data.edge)[part])
         by = self.by_mass()[np.concatenate([body.index, body.middles])]
@@ -76,19 +76,19 @@ class ElementGradient:
 
     def at_rest(self, body) -> Iterator[tuple]:
         """Constraints of a body, and gradients by their rest values, shapes and, of hinges, curvatures."""
-        for r, part in _parts(self.parameters.springs):
+        for r, part in _parts_of_table(self.parameters.springs):
             if r.body is body:
-                yield r, self.entries["rest"][part], -self.by_k(r, part) / (r.alpha * r.shape)
+                yield r, self.entries["rest"][part], -self.by_spring_stiffness(r, part) / (r.alpha * r.shape)
         for e in self.parameters.flat:
             by = self.of(e.data.stiffness) * e.stiffness()
-            for r, part in _parts(e.rows):
+            for r, part in _parts_of_table(e.rows):
                 if r.body is body:
                     yield (r, self.of(e.data.rest)[part], -by[part].reshape(len(r.ids), -1).sum(axis=1) / r.shape,
                            self.by_curvature(e, r))
         for batch in self.parameters.batches:
             by, rest = (self.by_rows(batch, a) for a in (batch.data.alpha, batch.lengths or batch.data.rest))
             by = by * batch.values()[0]
-            for r, part in _parts(batch.rows):
+            for r, part in _parts_of_table(batch.rows):
                 if r.body is body:
                     shape = np.where(r.shape > 0.0, r.shape, 1.0)
                     yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape, self.by_curvature(batch, r)
@@ -98,23 +98,23 @@ class ElementGradient:
         cur = table.curvature
         return cur.by_rows(self.of(cur.data.value))[[row is r for row in table.rows].index(True)] if cur else None
 
-    def by_k(self, r: Constraints, part: slice) -> np.ndarray:
+    def by_spring_stiffness(self, r: Constraints, part: slice) -> np.ndarray:
         """Gradient with respect to the stiffness of springs, with their damping."""
         return self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
 
     def rows(self, name: str, body) -> list[np.ndarray]:
         """Gradients of springs."""
         found = []
-        for r, part, damping in _having(name, body, self.parameters.springs):
+        for r, part, damping in _rows_having_stiffness(name, body, self.parameters.springs):
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
-            found.append(self.entries["damping"][part] * k if damping else self.by_k(r, part) / r.shape)
+            found.append(self.entries["damping"][part] * k if damping else self.by_spring_stiffness(r, part) / r.shape)
         return found
 
     def flat(self, name: str, body) -> list[np.ndarray]:
         """Gradients of hinges and triangles."""
         found = []
         for e in self.parameters.flat:
-            for r, part, damping in _having(name, body, e.rows):
+            for r, part, damping in _rows_having_stiffness(name, body, e.rows):
                 by = self.of(e.data.tau if damping else e.data.stiffness)[part]
                 found.append(by if damping else r.row.by_stiffness(r, name, by, e.stiffness()[part]))
         return found
@@ -123,7 +123,7 @@ class ElementGradient:
         """Gradients of constraints of XPBD, whose compliances are inverse stiffnesses, and of the longest lengths."""
         found = []
         for b in self.parameters.batches:
-            for r, part, damping in _having(name, body, b.rows):
+            for r, part, damping in _rows_having_stiffness(name, body, b.rows):
                 by = self.by_rows(b, b.data.tau if damping else b.data.rest if r.row.by_longest else b.data.alpha)[part]
                 if r.row.by_longest and not damping:
                     by = r.row.by_longest(r, name, by)
@@ -167,16 +167,16 @@ class ElementGradient:
         return found
 
 
-def _parts(rows: list) -> list[tuple[Any, slice]]:
+def _parts_of_table(rows: list) -> list[tuple[Any, slice]]:
     """Where each, of constraints or tets, stands in a table of all."""
     ends = np.cumsum([0, *(len(r.ids if isinstance(r, Constraints) else r.rows) for r in rows)])
     return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
 
 
-def _having(name: str, body, rows: list[Constraints]) -> Iterator[tuple[Constraints, slice, bool]]:
+def _rows_having_stiffness(name: str, body, rows: list[Constraints]) -> Iterator[tuple[Constraints, slice, bool]]:
     """Constraints of a body that have a stiffness of that name, where they stand in a table of `rows`, and False; of "damping"
     those that are damped, and True."""
-    for r, part in _parts(rows):
+    for r, part in _parts_of_table(rows):
         damping = name == "damping" and r.tau > 0.0
         if r.body is body and (damping or name in r.stiffness):
             yield r, part, damping

@@ -12,17 +12,17 @@ import numpy as np
 import warp as wp
 
 from wsim.gradient.element_gradient import ElementGradient
-from wsim.gradient.inputs.by_name import inputs
-from wsim.gradient.loss import Seeds
-from wsim.gradient.tables import Parameters
+from wsim.gradient.inputs.by_name import inputs_by_name
+from wsim.gradient.loss import LossCotangents
+from wsim.gradient.tables import GradientTables
 from wsim.physics.contact.gradient import ContactGradient
 from wsim.scene import Cloth, Problem, SceneError, Springs
-from wsim.scene.nodal.masses import density_of
-from wsim.scene.values.coverage import refuse, row_of
+from wsim.scene.nodal.masses import single_density
+from wsim.scene.values.coverage import differentiable_row, gradient_refusal
 from wsim.scene.values.table import FRICTION
 
 
-class Fetched(dict):
+class FetchedArrays(dict):
     """Device arrays by their key, which come to the host in float64 when they are asked for: a million springs have many."""
 
     def __init__(self, arrays: dict[int, wp.array]):
@@ -42,13 +42,14 @@ class Gradient(ElementGradient):
     no derivative.
     """
 
-    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list, seeds: Seeds):
+    def __init__(self, parameters: GradientTables, states: dict[int, np.ndarray], targets: list, motions: list,
+                 seeds: LossCotangents):
         """seeds: the loss, after its first frame was reached."""
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
         self.recording = seeds.recording
         self.inertia = inertia = seeds.end()              # of what pins bear, where a loss asks for that
         self.states, self._targets, self.loads = states, targets, parameters.loads
-        self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
+        self.grads = FetchedArrays({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
         for key, by in inertia.tables.items() if inertia else ():
             self.grads[key] = self.grads[key] + by
         self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
@@ -62,16 +63,16 @@ class Gradient(ElementGradient):
     def value(self, path: str, name: str, world: int = 0, elements: bool = False):
         """Gradient with respect to a value of the table (`wsim.scene.values.table`) of the object at a path, "/" the scene.
         elements: of each element by itself. Raises SceneError with the reason where it has no derivative."""
-        row = row_of(self.model.scene, path, name)
+        row = differentiable_row(self.model.scene, path, name)
         if row.owner == "Scene":
             return getattr(self, name)(world)
         if row.gradient in ("path", "turns", "weights"):
-            own = inputs(self.recording, [f"{path}:{name}"])[f"{path}:{name}"]
+            own = inputs_by_name(self.recording, [f"{path}:{name}"])[f"{path}:{name}"]
             return own.gradient(self, world, own.read(world).shape)
         if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
         if row.gradient == "surface" and not self.fluids:
-            raise refuse("surface", path)
+            raise gradient_refusal("surface", path)
         if row.gradient in ("fluid", "surface"):
             return self.fluids.value(path, name, world)
         if row.gradient == "material":
@@ -110,16 +111,16 @@ class Gradient(ElementGradient):
     def density(self, path: str | None = None, world: int = 0) -> float:
         """Gradient with respect to the density that all masses of a body follow [m^3/kg]."""
         b = self.model.body(path, world)
-        density = self.plan.ports.densities.get(b.number) or density_of(b.source)
+        density = self.plan.ports.densities.get(b.number) or single_density(b.source)
         if density is None:
-            raise refuse("density", b.path)
+            raise gradient_refusal("density", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
 
     def mass(self, path: str | None = None, world: int = 0) -> float:
         """Gradient with respect to the mass of a net, which its points share in the proportions that they have [1/kg]."""
         b = self.model.body(path, world)
         if not isinstance(b.source, Springs):
-            raise refuse("mass", b.path)
+            raise gradient_refusal("mass", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum() / b.masses.sum())
 
     def gravity(self, world: int = 0) -> np.ndarray:
@@ -135,7 +136,7 @@ class Gradient(ElementGradient):
     def air_drag(self, world: int = 0) -> float:
         """[s]."""
         if self.parameters.points is None:
-            raise refuse("idle", "air_drag", name="air_drag")
+            raise gradient_refusal("idle", "air_drag", name="air_drag")
         found = self.of(self.parameters.points.decay) + (self.inertia.decay if self.inertia else 0.0)
         return float(found[self.places(world)].sum())
 
@@ -149,7 +150,7 @@ class Gradient(ElementGradient):
         body, air = self.model.body(path, world), self.parameters.air
         felt = air and isinstance(body.source, Cloth) and body.source.feels_air
         if name not in ("drag", "lift", "normal_drag") or not felt:
-            raise refuse("air", body.path, name=name)
+            raise gradient_refusal("air", body.path, name=name)
         share = 1.0 / 3.0 if name == "normal_drag" else self.model.scene.air_density / 6.0
         return float(self.of(getattr(air, name))[body.first:body.last].sum()) * share
 
@@ -172,7 +173,7 @@ class Gradient(ElementGradient):
 
     def touched(self, path: str | None) -> ContactGradient:
         if self.contacts is None:
-            raise refuse("touched", path or "/")
+            raise gradient_refusal("touched", path or "/")
         return self.contacts
 
     def pin(self, path: str, name: str, world: int = 0) -> float:
@@ -188,13 +189,13 @@ class Gradient(ElementGradient):
                 return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2)) + own
             if name == "damping":
                 return float(self.of(pins.soft.damping)[part].sum()) * p.part + own
-        raise refuse("pin", path, name=name)
+        raise gradient_refusal("pin", path, name=name)
 
     def borne(self, path: str, world: int, name: str):
         """Part of the gradients with respect to a pin that comes from its reaction forces. Raises SceneError where that is not
         known."""
         if self.inertia and (path, world) in self.inertia.moved:
-            raise refuse("moved", path, name=name)
+            raise gradient_refusal("moved", path, name=name)
         return self.inertia.soft.get((path, world), {}).get(name, 0.0) if self.inertia else 0.0
 
     def places(self, world: int) -> np.ndarray:
@@ -219,7 +220,7 @@ class Gradient(ElementGradient):
     def actuation(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Gradient with respect to the factors of a net's muscles, (keys, groups) of its curve."""
         if not self.parameters.muscles:
-            raise refuse("actuation", path or "actuation")
+            raise gradient_refusal("actuation", path or "actuation")
         number = self.parameters.muscles.find(self.model.body(path, world).path, world)
         found = np.sum([frame[-2 if self.loads else -1][number] for frame in self._targets], axis=0)
         return found + (self.inertia.muscles[number] if self.inertia and self.inertia.muscles else 0.0)
@@ -228,7 +229,7 @@ class Gradient(ElementGradient):
         """Gradient with respect to the force [1/N] or traction [1/Pa] of a load (None: the only one), (keys, 3) of its
         curve."""
         if not self.loads:
-            raise refuse("load", path or "loads")
+            raise gradient_refusal("load", path or "loads")
         number = self.loads.find(path, world)
         found = np.sum([frame[-1][number] for frame in self._targets], axis=0)
         return found + (self.inertia.loads[number] if self.inertia and self.inertia.loads else 0.0)

@@ -5,18 +5,19 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.gradient.reactions.adjoint import Inertia
-from wsim.model.tape import give
+from wsim.gradient.reactions.adjoint import PinnedPointGradients
+from wsim.model.tape import add_and_clear_gradient
 from wsim.scene import Problem, SceneError
 
 
-class Seeds:
+class LossCotangents:
     """Cotangents dL/dx that a loss adds to the states of a recording, frame by frame in the backward pass."""
 
     def __init__(self, recording, positions: dict | None, velocities: dict | None, reactions: dict | None,
                  poses: dict | None = None, twists: dict | None = None, fluids: dict | None = None):
         self.recording, state = recording, recording.state
-        given = (("x", dense(recording, positions, "positions")), ("v", dense(recording, velocities, "velocities")))
+        given = (("x", dense_cotangents(recording, positions, "positions")),
+                 ("v", dense_cotangents(recording, velocities, "velocities")))
         self.arrays = [(getattr(state, name), each) for name, each in given if recording.moved]
         if (poses or twists) and recording.bodies is None:
             raise SceneError(Problem("poses", "the scene has no rigid bodies"))
@@ -35,20 +36,20 @@ class Seeds:
                              *(self.fluids.at(frame) if self.fluids else ())]:
             root = next((r for r in self.recording.roots if r.base.ptr == base.ptr), None)
             assert root is not None                      # to give clears what is given
-            give(wp.clone(values) if isinstance(values, wp.array) else
-                 wp.array(values, dtype=base.dtype, device=base.device), root.carried)
+            add_and_clear_gradient(wp.clone(values) if isinstance(values, wp.array) else
+                                   wp.array(values, dtype=base.dtype, device=base.device), root.carried)
 
     def take(self) -> None:
         """A frame was undone."""
         if self.fluids:
             self.fluids.take()
 
-    def end(self) -> Inertia | None:
+    def end(self) -> PinnedPointGradients | None:
         """Cotangents of reaction forces that are known after the last frame; None: no reactions."""
         return self.pulls.end() if self.pulls else None
 
 
-def dense(recording, given: dict | None, what: str) -> dict[int, Any]:
+def dense_cotangents(recording, given: dict | None, what: str) -> dict[int, Any]:
     """Derivatives over all points in solver order, by frame: arrays of NumPy, or of the device where such were given."""
     model = recording.sim.model
     found: dict[int, Any] = {}

@@ -10,19 +10,19 @@ from math import ceil
 
 import warp as wp
 
-from wsim.gradient.amplification import Growth
-from wsim.gradient.apart import Apart
-from wsim.gradient.checkpoints import Segments, in_words, launched, measured
-from wsim.gradient.gradient import Fetched, Gradient
-from wsim.gradient.loss import Seeds
-from wsim.gradient.tables import Parameters
-from wsim.gradient.trajectory import Frames
+from wsim.gradient.amplification import GradientGrowth
+from wsim.gradient.apart import DifferenceToSimulation
+from wsim.gradient.checkpoints import CheckpointCosts, bytes_of_launches, in_words, measure_recording_cost
+from wsim.gradient.gradient import FetchedArrays, Gradient
+from wsim.gradient.loss import LossCotangents
+from wsim.gradient.tables import GradientTables
+from wsim.gradient.trajectory import RecordedFrames
 from wsim.model import kernel_cache
-from wsim.model.arena import Slots
+from wsim.model.arena import ArraySlots
 from wsim.model.kernel_cache import GATE
-from wsim.model.tape import Root, Tape
+from wsim.model.tape import RecordedArray, Tape
 from wsim.scene import Problem, SceneError
-from wsim.simulation.measure.diagnose import judge
+from wsim.simulation.measure.diagnose import judge_recorded_run
 from wsim.simulation.measure.exceeded import EXPLICIT
 from wsim.simulation.simulation import Simulation
 
@@ -31,7 +31,7 @@ POOR = 1e-4            # residual of an implicit solve from which a warning is d
 
 
 @dataclass
-class Stretch:
+class RecordedStretch:
     """A part of a frame, recorded, and graphs of both directions."""
 
     tape: Tape
@@ -39,7 +39,7 @@ class Stretch:
     backward: wp.Graph | None = None
 
 
-class Recording(Frames):
+class Recording(RecordedFrames):
     """Frames of a simulation from where it stands, forward by `run`, backward by `backward`, as in
     `Recording(simulation, 2).run()`. Live parameters may change between runs, but not the number of substeps or the start.
 
@@ -57,12 +57,12 @@ class Recording(Frames):
             raise SceneError(Problem("keep", f"found {keep!r}; allowed are auto, all, checkpoints"))
         if sim.scene.varying:
             from wsim.simulation import varying
-            varying.refuse(sim)
+            varying.refuse_varying_values(sim)
         sim.load()
         self.sim, self.frames, self.plan, self.state = sim, frames, sim.plan, sim.state
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
-        self.roots: list[Root] = []
-        self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
+        self.roots: list[RecordedArray] = []
+        self.slots, self.parameters = ArraySlots(sim.device, sim.model.real), GradientTables(self.plan)
         self.moved, self.bodies = self.state.parts.get("points"), self.plan.ports.recorded_bodies
         self.fluids = self.plan.ports.recorded_fluids
         self.every = self.moved.every if self.moved else wp.zeros(0, dtype=sim.model.real, device=sim.device)
@@ -70,14 +70,14 @@ class Recording(Frames):
         self.marks = [(array, wp.clone(array)) for array, _ in (self.moved.saved.values() if self.moved else ())]
         self.flowed = [(array, wp.clone(array)) for part in self.state.parts.values() if part is not self.moved
                        for array, _ in part.copies()]
-        self.stretches: dict[tuple, Stretch] = {}
-        self.cost: Segments | None = None
+        self.stretches: dict[tuple, RecordedStretch] = {}
+        self.cost: CheckpointCosts | None = None
         with in_words(self.known, str(sim.device)):
             self.choose(keep)
             self.prepare()
             self.allot()
-        self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
-        self.apart: Apart | None = None               # difference from a simulation, after the first run
+        self.recorded, self.growth = self.shape, GradientGrowth(frames, sim.device, sim.model.real)
+        self.apart: DifferenceToSimulation | None = None  # difference from a simulation, after the first run
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.rewind()
 
@@ -86,7 +86,7 @@ class Recording(Frames):
     def choose(self, keep: str) -> None:
         """Measures a frame, and chooses how many are kept at a time."""
         S, F = self.plan.clock.substeps, self.frames
-        self.cost, scalars = measured(self)
+        self.cost, scalars = measure_recording_cost(self)
         if self.bodies and self.bodies.whole:
             if keep == "checkpoints":
                 raise SceneError(Problem("keep", f"found {keep!r}; allowed with joints or contacts of bodies are auto, all"))
@@ -109,7 +109,7 @@ class Recording(Frames):
             for part in range(len(self.cuts) - 1):
                 if len(self.cuts) > 2:
                     self.slots.rewind()
-                self.stretches[self._key(frame, part)] = Stretch(self.record(*self.cuts[part:part + 2]))
+                self.stretches[self._stretch_key(frame, part)] = RecordedStretch(self.record(*self.cuts[part:part + 2]))
             self.plan.clock.starting = False
         found = {id(r) for stretch in self.stretches.values() for r, _ in stretch.tape.entries}
         self.carried = [r for r in self.roots if id(r) in found]
@@ -123,7 +123,7 @@ class Recording(Frames):
         return (clock.substeps, clock.integrator.name, stride() if stride else 0,
                 *(array.ptr for array in self.parameters.targets()))
 
-    def _key(self, frame: int, part: int) -> tuple:
+    def _stretch_key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0
 
     def record(self, first: int, last: int) -> Tape:
@@ -152,7 +152,7 @@ class Recording(Frames):
         """Poses of pins and colliders in a frame."""
         self.plan.before_frame((self.start + frame) / self.sim.scene.fps)
 
-    def known(self) -> tuple[Segments, int, int] | None:
+    def known(self) -> tuple[CheckpointCosts, int, int] | None:
         """The cost, bytes that are needed and those that were got, where the first are known."""
         cost = self.cost
         return None if cost is None else (cost, cost.bytes(cost.best) if self.checkpoints else cost.full, self.slots.bytes)
@@ -160,7 +160,7 @@ class Recording(Frames):
     @property
     def bytes(self) -> int:
         """Memory of versions, their gradients and checkpoints, and of what the host keeps: on a CPU also recorded launches."""
-        launches = sum(launched(stretch.tape, self.sim.device) for stretch in self.stretches.values())
+        launches = sum(bytes_of_launches(stretch.tape, self.sim.device) for stretch in self.stretches.values())
         return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays) + int(launches)
 
     # forward
@@ -181,14 +181,14 @@ class Recording(Frames):
             self.pose(frame)
             for part in range(len(self.cuts) - 1):
                 if self.checkpoints and (frame % self.group == 0):
-                    for array, root in zip(self.saved[self._segment(frame, part)], self.carried, strict=True):
+                    for array, root in zip(self.saved[self._segment_number(frame, part)], self.carried, strict=True):
                         wp.copy(array, root.base)
                 self.forward(frame, part)
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
-        judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
+        judge_recorded_run(self, f"an edge is more than twice its rest length: {EXPLICIT}")
         if self.apart is None and self.plan.ports.solve_adjoint:
-            self.apart = Apart(self)
+            self.apart = DifferenceToSimulation(self)
 
     def misses(self) -> list[wp.array]:
         """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
@@ -199,20 +199,20 @@ class Recording(Frames):
         if text not in self.sim.warnings:
             self.sim.warnings.append(text)
 
-    def _segment(self, frame: int, part: int) -> int:
+    def _segment_number(self, frame: int, part: int) -> int:
         return frame // self.group * (len(self.cuts) - 1) + part
 
     def forward(self, frame: int, part: int) -> None:
         """Runs a part of a frame again."""
-        stretch = self.stretches[self._key(frame, part)]
+        stretch = self.stretches[self._stretch_key(frame, part)]
         if stretch.tape.eager:
             return stretch.tape.forward()
         if stretch.forward is None:
-            stretch.forward = self._graph(stretch.tape.forward)
+            stretch.forward = self._capture_stretch_graph(stretch.tape.forward)
         wp.capture_launch(stretch.forward)
 
-    def _graph(self, launch) -> wp.Graph:
-        with kernel_cache.capture(self.sim.device) as capture:
+    def _capture_stretch_graph(self, launch) -> wp.Graph:
+        with kernel_cache.capture_graph(self.sim.device) as capture:
             launch()
         return capture.graph
 
@@ -229,7 +229,7 @@ class Recording(Frames):
         """
         if not self.ran:
             self.run()
-        seeds = Seeds(self, positions, velocities, reactions, poses, twists, fluids)
+        seeds = LossCotangents(self, positions, velocities, reactions, poses, twists, fluids)
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
@@ -244,21 +244,21 @@ class Recording(Frames):
             self.pose(frame)
             for part in reversed(range(len(self.cuts) - 1)):
                 if len(self.cuts) > 2:
-                    self._restore(frame, part)
+                    self._restore_checkpoint(frame, part)
                     self.forward(frame, part)
-                self._reverse(frame, part)
+                self._reverse_part(frame, part)
             targets.append(self.parameters.take_targets(frame == 0))
             motions.append(self.parameters.take_motions())
             seeds.take()
             self.note(frame, True)
         seeds.add(0)
         self.look(seeds)
-        states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
+        states = FetchedArrays({r.base.ptr: wp.clone(r.carried) for r in self.roots})
         if self.apart and self.parameters.contact and not seeds.pulls:
             self.apart.tell_gradient(self, seeds, states)
         return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
-    def look(self, seeds: Seeds) -> None:
+    def look(self, seeds: LossCotangents) -> None:
         """Writes what implicit solves have left into `residuals`: gradients are as right as those are small."""
         self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
         if seeds.fluids:
@@ -282,19 +282,19 @@ class Recording(Frames):
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""
         first = last // self.group * self.group
-        self._restore(first, 0)
+        self._restore_checkpoint(first, 0)
         for frame in range(first, last + 1):
             self.pose(frame)
             self.forward(frame, 0)
 
-    def _restore(self, frame: int, part: int) -> None:
-        for array, root in zip(self.saved[self._segment(frame, part)], self.carried, strict=True):
+    def _restore_checkpoint(self, frame: int, part: int) -> None:
+        for array, root in zip(self.saved[self._segment_number(frame, part)], self.carried, strict=True):
             wp.copy(root.base, array)
 
-    def _reverse(self, frame: int, part: int) -> None:
-        stretch = self.stretches[self._key(frame, part)]
+    def _reverse_part(self, frame: int, part: int) -> None:
+        stretch = self.stretches[self._stretch_key(frame, part)]
         if stretch.tape.eager:
             return stretch.tape.backward()
         if stretch.backward is None:
-            stretch.backward = self._graph(stretch.tape.backward)
+            stretch.backward = self._capture_stretch_graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)

@@ -8,11 +8,11 @@
 
 import numpy as np
 
-from wsim.geometry.tetra.tets import quadratic
+from wsim.geometry.tetra.tets import ten_node_mesh
 from wsim.model.midnodes import HRZ
-from wsim.model.model import Body
+from wsim.model.model import PointBody
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.rest_shape import rest_shape, triangles_of
+from wsim.physics.cloth.rest_shape import current_rest_shape, triangles_of
 from wsim.scene import Cloth, Soft, Springs
 from wsim.scene.nodal.masses import soft_masses, soft_weights
 
@@ -21,8 +21,8 @@ class RestShape:
     """Gathers a gradient by the rest positions of a body: `by`, (points, 3), of particles. Raises SceneError where there is
     none."""
 
-    def __init__(self, body: Body):
-        rest_shape(body)
+    def __init__(self, body: PointBody):
+        current_rest_shape(body)
         self.body, self.by = body, np.zeros((body.count, 3))
 
     # what shapes are made of
@@ -75,10 +75,10 @@ def by_volume(corners: np.ndarray, by: np.ndarray) -> np.ndarray:
     return np.concatenate([-each.sum(axis=1, keepdims=True), each], axis=1)
 
 
-def by_masses(body: Body, by: np.ndarray, density: float | None) -> np.ndarray:
+def by_masses(body: PointBody, by: np.ndarray, density: float | None) -> np.ndarray:
     """Gradient by the author's points at rest, (n, 3), from those by the masses of the points, then of middles (n + m,).
     density: that was set, or None."""
-    source, n, rest = body.source, len(body.own), rest_shape(body)
+    source, n, rest = body.source, len(body.own), current_rest_shape(body)
     if isinstance(source, Springs) or (source.masses is not None and not len(body.middles)):
         return np.zeros((n, 3))
     if density is not None:
@@ -99,24 +99,25 @@ def by_masses(body: Body, by: np.ndarray, density: float | None) -> np.ndarray:
     if len(body.middles):
         by, by_own = _by_lumped(body, by, own, rest)
         if source.masses is not None:
-            return _spread(ids, each, by_own * weights, n)
+            return _scatter_to_points(ids, each, by_own * weights, n)
     if source.mass is not None:
         shared = np.bincount(ids.ravel(), np.outer(own, shares).ravel(), n)
         by = source.mass / shared.sum() * (by - (by * shared).sum() / shared.sum())
-    return _spread(ids, each, (by_own + (by[ids] * shares).sum(axis=1)) * weights, n)
+    return _scatter_to_points(ids, each, (by_own + (by[ids] * shares).sum(axis=1)) * weights, n)
 
 
-def _spread(ids: np.ndarray, each: np.ndarray, by: np.ndarray, n: int) -> np.ndarray:
+def _scatter_to_points(ids: np.ndarray, each: np.ndarray, by: np.ndarray, n: int) -> np.ndarray:
     found = np.zeros((n, 3))
     np.add.at(found, ids, each * by[:, None, None])
     return found
 
 
-def _by_lumped(body: Body, by: np.ndarray, own: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Adjoint of `wsim.model.midnodes.lumped`: gradients by the masses of the author's points, and by those of tets (t,)."""
+def _by_lumped(body: PointBody, by: np.ndarray, own: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Adjoint of `wsim.model.midnodes.lump_node_masses`: gradients by the masses of the author's points, and by those of tets
+    (t,)."""
     source, n = body.source, len(body.own)
     assert isinstance(source, Soft)
-    tets, (_, ten) = source.tets, quadratic(rest, source.tets)
+    tets, (_, ten) = source.tets, ten_node_mesh(rest, source.tets)
     masses, _ = soft_masses(source, rest)
     total = np.bincount(tets.ravel(), np.repeat(own, 4), n)
     held = total > 0.0

@@ -8,7 +8,7 @@ import warp as wp
 NAMES = ("stiffness", "tau", "mu", "lam", "alpha", "pressure", "rest", "edge")        # in tables of elements
 
 
-class Parameters:
+class GradientTables:
     """The arrays of a plan that have gradients, by what they mean."""
 
     def __init__(self, plan):
@@ -93,10 +93,10 @@ class Parameters:
         return self.contact.take_motion() if self.contact else None
 
     def ends(self, grad: np.ndarray) -> np.ndarray:
-        return ends(self.pull, grad)
+        return sum_over_spring_ends(self.pull, grad)
 
 
-def ends(pull, grad: np.ndarray) -> np.ndarray:
+def sum_over_spring_ends(pull, grad: np.ndarray) -> np.ndarray:
     """Sums over the two ends of each spring of a `wsim.physics.motion.forces.ForceGather`, from a gradient of the entries."""
     entry = pull.entry
     grad = grad[:len(entry)]

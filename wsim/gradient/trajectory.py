@@ -9,12 +9,12 @@ import warp as wp
 
 from wsim.gradient.reactions.adjoint import ReactionAdjoint
 from wsim.kernels.math.real import types
-from wsim.model.state import Part, State
+from wsim.model.state import SimulationState, StatePart
 from wsim.scene import Problem, SceneError
 from wsim.simulation.simulation import Simulation
 
 
-class Frames(ABC):
+class RecordedFrames(ABC):
     """The half of `wsim.gradient.recording.Recording` that is read. Frame 0 is the start.
 
     states, rests, speeds   x, its rounding remainder e, and v in solver order, (frames + 1, points)
@@ -22,12 +22,12 @@ class Frames(ABC):
     """
 
     sim: Simulation
-    state: State
+    state: SimulationState
     frames: int
     flowed: list[tuple[wp.array, wp.array]]       # arrays over elements that outlive a frame, and how they began
-    moved: Part | None                            # the points
-    bodies: Any                                   # `wsim.physics.rigid.recorded.Recorded`, or None
-    fluids: Any                                   # `wsim.physics.fluid.recorded.Recorded`, or None
+    moved: StatePart | None                       # the points
+    bodies: Any                                   # `wsim.physics.rigid.recorded.bodies.RecordedBodies`, or None
+    fluids: Any                                   # `wsim.physics.fluid.recorded.RecordedFluids`, or None
     ran = False
 
     @abstractmethod

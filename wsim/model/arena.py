@@ -8,7 +8,7 @@ CHUNK = 1 << 16        # scalars of the first piece of memory that slots are cut
 PIECE = 1 << 30        # scalars of the largest: an array has less than 2^31 entries
 
 
-class Slots:
+class ArraySlots:
     """Arrays, handed out in order; `rewind` hands out the same again. `plain` has no gradients."""
 
     def __init__(self, device, real, gradients: bool = True):
@@ -16,7 +16,7 @@ class Slots:
         self.chunks: list[list[wp.array]] = []
         self.at, self.most = (0, 0), (0, 0)
         if gradients:
-            self.plain = Slots(device, real, False)
+            self.plain = ArraySlots(device, real, False)
 
     def rewind(self) -> None:
         self.at = (0, 0)
@@ -33,7 +33,7 @@ class Slots:
             self.add(max(size, min(CHUNK << chunk, PIECE)))
         self.at = chunk, first + size
         self.most = max(self.most, self.at)
-        value, *grad = (_cut(array, first, dtype, shape) for array in self.chunks[chunk])
+        value, *grad = (_cut_from_chunk(array, first, dtype, shape) for array in self.chunks[chunk])
         if grad:
             value.grad = grad[0]
         return value
@@ -76,6 +76,6 @@ class Slots:
         return wp.types.type_size_in_bytes(self.real) * (self.copies * own + sum(plain))
 
 
-def _cut(array: wp.array, first: int, dtype, shape: tuple[int, ...]) -> wp.array:
+def _cut_from_chunk(array: wp.array, first: int, dtype, shape: tuple[int, ...]) -> wp.array:
     return wp.array(ptr=array.ptr + first * wp.types.type_size_in_bytes(array.dtype), dtype=dtype, shape=shape,
                     device=array.device, requires_grad=False)

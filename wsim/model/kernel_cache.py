@@ -28,7 +28,7 @@ import warp as wp
 
 from wsim.model import warp_private
 from wsim.model.compiler import variants
-from wsim.model.compiler.version import version
+from wsim.model.compiler.version import rewriting_version
 from wsim.scene import Problem, SceneError
 
 RECORD = "wsim.json"     # {file: digest} of a module's folder, and of what rewrote its source
@@ -41,7 +41,7 @@ STARTED: list[bool] = []         # not empty: Warp has been started
 PROBE = 8 << 20          # bytes that a cache must take before a module is compiled: on a full disk LLVM ends the process
 
 
-class Gate:
+class SharedGate:
     """Many share it, or one has it alone. A thread that shares may have it alone inside: it lets go meanwhile."""
 
     def __init__(self):
@@ -93,26 +93,26 @@ class Gate:
                 self.changed.notify_all()
 
 
-GATE = Gate()
+GATE = SharedGate()
 
 
-def start() -> None:
+def start_warp() -> None:
     """Starts Warp. Raises SceneError where its cache of kernels cannot be."""
     named = wp.config.kernel_cache_dir or os.environ.keys() & {"WARP_CACHE_PATH", "XDG_CACHE_HOME"}
     if not named and os.path.expanduser("~") == "~":
         raise SceneError(Problem("kernel cache", "there is no home folder to keep compiled kernels in; set WARP_CACHE_PATH to "
                                  "a folder that can be written"))
-    quiet = nullcontext() if STARTED else _without(b"Could not find or load the NVIDIA CUDA driver")
+    quiet = nullcontext() if STARTED else _standard_error_without(b"Could not find or load the NVIDIA CUDA driver")
     with GATE.alone(), quiet:
         try:
             wp.init()
             STARTED.append(True)
         except OSError as error:
-            raise _refused(error) from error
+            raise _refusal_of_cache(error) from error
 
 
 @contextmanager
-def _without(text: bytes) -> Iterator[None]:
+def _standard_error_without(text: bytes) -> Iterator[None]:
     """Passes on what comes to standard error but for lines with this text: Warp's native code warns of a missing driver, and a
     machine without a GPU has none."""
     try:
@@ -132,9 +132,9 @@ def _without(text: bytes) -> Iterator[None]:
         taken.close()
 
 
-def device(name):
+def warp_device(name):
     """The Warp device of that name; None: the first GPU, else the CPU. Raises SceneError with those there are."""
-    start()
+    start_warp()
     try:
         return wp.get_device(name)
     except Exception:
@@ -142,26 +142,26 @@ def device(name):
         raise SceneError(Problem("device", f"there is no device {name!r}; allowed are {have}")) from None
 
 
-def load(module, device, block_dim: int | None = None) -> None:
+def load_kernel_module(module, device, block_dim: int | None = None) -> None:
     """Compiles and loads a module (of Warp, of Python, or a name) on a device, once more from its source where what lies in
     the cache is damaged. Raises SceneError where the cache takes or gives nothing; errors of the code itself as they are."""
     module = module if isinstance(module, wp.Module) else wp.get_module(getattr(module, "__name__", module))
     with GATE.alone():
-        known, place = warp_private.executables(module), (wp.config.kernel_cache_dir, module.name)
+        known, place = warp_private.loaded_executables(module), (wp.config.kernel_cache_dir, module.name)
         try:
             if place not in SEEN:
-                _remove(_unsound(module.name))
+                _remove_folders(_unsound_folders(module.name))
                 SEEN.add(place)
             if not warp_private.in_cache(module, 1 if device.is_cpu else block_dim):
-                probe()
-            with variants.single(device.is_cpu):
+                probe_cache_folder()
+            with variants.single_variant(device.is_cpu):
                 wp.load_module(module, device=device, block_dim=block_dim)
         except SceneError:
             raise
         except Exception:
-            _again(module, device, block_dim)
-        if known is None or warp_private.executables(module) != known:
-            _record(module.name)
+            _load_from_nothing(module, device, block_dim)
+        if known is None or warp_private.loaded_executables(module) != known:
+            _record_digests(module.name)
 
 
 def report_module(model, *what: str) -> str:
@@ -171,9 +171,9 @@ def report_module(model, *what: str) -> str:
     return f"wsim_report_{digest}"
 
 
-def ready(kernel, model) -> None:
+def load_module_of_kernel(kernel, model) -> None:
     """Loads a kernel that a `wsim.model.model.Model` launches only when asked, outside of frames."""
-    load(kernel.module, model.device, model.block if model.device.is_cuda else None)
+    load_kernel_module(kernel.module, model.device, model.block if model.device.is_cuda else None)
 
 
 @contextmanager
@@ -188,30 +188,30 @@ def without_header() -> Iterator[None]:
 
 
 @contextmanager
-def capture(device) -> Iterator[Any]:
+def capture_graph(device) -> Iterator[Any]:
     """Captures what is launched inside as a graph, `capture.graph`. Kernels must be loaded before."""
     from wsim.model.compiler import recorded
     with GATE.alone(), wp.ScopedCapture(device=device, force_module_load=False) as capture:
-        recorded.lighten()
+        recorded.lighten_capture()
         yield capture
         recorded.end_capture()
 
 
-def _again(module, device, block_dim: int | None) -> None:
+def _load_from_nothing(module, device, block_dim: int | None) -> None:
     """A second time from nothing: without the folders, and without Warp's memory of the failure."""
     try:
-        _remove(_folders(module.name))
+        _remove_folders(_folders_of_module(module.name))
         warp_private.forget_module(module)
-        with variants.single(device.is_cpu):
+        with variants.single_variant(device.is_cpu):
             wp.load_module(module, device=device, block_dim=block_dim)
     except Exception as error:
-        fault = _fault(error)
+        fault = _fault_of_cache(error)
         if fault is None:
             raise
-        raise _refused(fault) from error
+        raise _refusal_of_cache(fault) from error
 
 
-def _fault(error: Exception) -> Exception | None:
+def _fault_of_cache(error: Exception) -> Exception | None:
     """What the cache did wrong; None: it is not to blame."""
     text = str(error)
     if isinstance(error, OSError) or "Failed to load C" in text:
@@ -219,7 +219,7 @@ def _fault(error: Exception) -> Exception | None:
     return None
 
 
-def probe() -> None:
+def probe_cache_folder() -> None:
     """Raises SceneError where the cache does not take what is about to be compiled."""
     probe = Path(str(wp.config.kernel_cache_dir), f"probe_{os.getpid()}")
     try:
@@ -228,10 +228,10 @@ def probe() -> None:
         finally:
             probe.unlink(missing_ok=True)
     except OSError as error:
-        raise _refused(error) from error
+        raise _refusal_of_cache(error) from error
 
 
-def _refused(error: Exception) -> SceneError:
+def _refusal_of_cache(error: Exception) -> SceneError:
     """The cache and the way out, in words."""
     place, code = wp.config.kernel_cache_dir, getattr(error, "errno", None)
     way = "set WARP_CACHE_PATH to a folder that can be written"
@@ -246,7 +246,7 @@ def _refused(error: Exception) -> SceneError:
 
 # the folders of a module
 
-def _folders(name: str) -> list[Path]:
+def _folders_of_module(name: str) -> list[Path]:
     """Of a module, in the versions that it had; a file may stand where one should be."""
     place, form = str(wp.config.kernel_cache_dir), re.compile(rf"wp_{re.escape(name)}_[0-9a-f]{{7}}\Z")
     try:
@@ -255,20 +255,20 @@ def _folders(name: str) -> list[Path]:
         return []
 
 
-def _digests(folder: Path) -> dict[str, str]:
+def _digests_of_files(folder: Path) -> dict[str, str]:
     """Of what is loaded from a folder, by file."""
     return {f.name: hashlib.blake2b(f.read_bytes(), digest_size=16).hexdigest() for f in sorted(folder.iterdir())
             if f.is_file() and f.name != RECORD and f.suffix not in (".cpp", ".cu")}
 
 
-def _unsound(name: str) -> list[Path]:
+def _unsound_folders(name: str) -> list[Path]:
     """Folders with files that are not those that were loaded, or of which nobody knows."""
     found = []
-    for folder in _folders(name):
+    for folder in _folders_of_module(name):
         try:
-            now = _digests(folder)
+            now = _digests_of_files(folder)
             known = json.loads((folder / RECORD).read_bytes()) if (folder / RECORD).exists() else {}
-            stale = bool(known) and known.get(COMPILER) != version()
+            stale = bool(known) and known.get(COMPILER) != rewriting_version()
             differs = stale or any(now.get(file, digest) != digest for file, digest in known.items())
             if differs or (now.keys() - known.keys() and time.time() - folder.stat().st_mtime > FRESH):
                 found.append(folder)
@@ -279,18 +279,18 @@ def _unsound(name: str) -> list[Path]:
     return found
 
 
-def _remove(folders: list[Path]) -> None:
+def _remove_folders(folders: list[Path]) -> None:
     """As far as that is allowed: who may not write has to trust."""
     for folder in folders:
         with suppress(OSError):
             shutil.rmtree(folder) if folder.is_dir() and not folder.is_symlink() else folder.unlink()
 
 
-def _record(name: str) -> None:
+def _record_digests(name: str) -> None:
     """Leaves the digests of folders that have none, or to which a file came."""
-    for folder in _folders(name):
+    for folder in _folders_of_module(name):
         try:
-            kept, now = folder / RECORD, _digests(folder) | {COMPILER: version()}
+            kept, now = folder / RECORD, _digests_of_files(folder) | {COMPILER: rewriting_version()}
             if not kept.exists() or json.loads(kept.read_bytes()).keys() != now.keys():
                 part = folder / f"{RECORD}.{os.getpid()}"
                 part.write_text(json.dumps(now))

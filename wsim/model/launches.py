@@ -2,8 +2,8 @@
 counts.
 
     tape        `wsim.model.tape.Tape`, of recordings with gradients
-    recorder    `wsim.physics.fused.recorder.Recorder`: nothing is launched, and what would be is written down
-    fuser       `wsim.physics.fused.fuser.Fuser`, of explicit steps on a GPU: many substeps in one launch
+    recorder    `wsim.physics.motion.fused.recorder.LaunchRecorder`: nothing is launched, and what would be is written down
+    fuser       `wsim.physics.motion.fused.kernel_fusion.Fuser`, of explicit steps on a GPU: many substeps in one launch
     Loop        substeps that launch the same: a graph has the launches of three of them, not of all
 """
 
@@ -17,7 +17,7 @@ from math import prod
 from typing import Any
 
 
-class Launches:
+class KernelLaunches:
     """Launches of a model's kernels."""
 
     module: str
@@ -29,7 +29,8 @@ class Launches:
     recorder: Any
     fuser: Any
     points: Any
-    # Many substeps of explicit steps in one launch. None: where it pays (`wsim.physics.fused.fuser.pays`).
+    # Many substeps of explicit steps in one launch. None: where it pays
+    # (`wsim.physics.motion.fused.kernel_fusion.fusing_pays`).
     fuses: bool | None = None
 
     @property
@@ -121,7 +122,7 @@ class Launches:
             from wsim.model.compiler.parallel import compile_all
             compile_all(blocks, self.device)
         for name, block in blocks.items():
-            kernel_cache.load(name, self.device, block)
+            kernel_cache.load_kernel_module(name, self.device, block)
 
 
 FEW = 4                  # launches of a list from which a GPU takes them as a graph
@@ -144,20 +145,20 @@ class LaunchList:
     def launch(self) -> None:
         began = time.perf_counter()
         if self.device.is_cuda and len(self.each) >= FEW and not self.device.is_capturing:
-            self.replay()
+            self.replay_as_graph()
             return
         for each in self.each:
             each.launch()
         if self.device.is_cpu:
             LaunchList.seconds += time.perf_counter() - began
 
-    def replay(self) -> None:
+    def replay_as_graph(self) -> None:
         """Launches a graph of all: a launch of a packed kernel takes Python 10 us, and so does a graph."""
         import warp as wp
 
         from wsim.model import kernel_cache
         if self.graph is None:
-            with kernel_cache.capture(self.device) as capture:
+            with kernel_cache.capture_graph(self.device) as capture:
                 for each in self.each:
                     each.launch()
             self.graph = capture.graph
@@ -169,16 +170,16 @@ PEELED = 3               # substeps whose launches the graph of a loop has
 ROOM, OF_POINT, OF_COLLIDER = 1 << 20, 256, 1024       # bytes for rows of tables that a loop reads; more for each of these
 
 
-def loop_of(plan) -> Loop | None:
+def loop_of(plan) -> SubstepLoop | None:
     """The loop of a plan's substeps; None where these differ from each other, or launch little."""
     methods = [m for m in plan.methods if any(s.rate != "frame" for s in m.stages)]
     if plan.model.fuser or plan.model.gradients or not all(m.alike for m in methods):
         return None
     launches = sum(row["launches"] for row in plan.table() if row["rate"] != "frame")
-    return Loop(plan.model, plan.clock) if plan.clock.substeps * launches > MANY else None
+    return SubstepLoop(plan.model, plan.clock) if plan.clock.substeps * launches > MANY else None
 
 
-class Loop:
+class SubstepLoop:
     """Substeps of a frame but the first and the last, as the body of a loop on the device. Tables with a row for each substep
     are read by `Clock.read_rows`."""
 
@@ -186,7 +187,7 @@ class Loop:
         import warp as wp
 
         from wsim.kernels.math import loop
-        self.model, self.clock, self.count, self.pick = model, clock, loop.count_substep(), loop.pick_rows()
+        self.model, self.clock, self.count, self.pick = model, clock, loop.substep_count_kernel(), loop.row_pick_kernel()
         model.modules[loop.MODULE] = model.block
         self.number, self.going = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
         self.first = 0                                     # substep that the body begins with
@@ -223,7 +224,7 @@ class Loop:
         import warp as wp
         key = table.ptr, table.shape, table.dtype, count
         if key not in self.windows:
-            window = self._window((count, *table.shape[1:]), table)
+            window = self._window_of_table((count, *table.shape[1:]), table)
             views = [wp.array(ptr=a.ptr, dtype=int, shape=(len(a), a.strides[0] // 4), device=a.device)
                      for a in (table, window)]
             self.windows[key] = table, window, *views
@@ -231,7 +232,7 @@ class Loop:
         self.model.launch(self.pick, into.shape, [source, self.number], [into])
         return window
 
-    def _window(self, shape: tuple[int, ...], table):
+    def _window_of_table(self, shape: tuple[int, ...], table):
         """An array of the type of a table, on a GPU cut from `room`."""
         import warp as wp
         if not table.device.is_cuda:

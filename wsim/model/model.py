@@ -1,7 +1,7 @@
 """A scene made ready for one device and precision: which point is where in the arrays, and what never changes in a run.
 
-Points of all bodies of all worlds stand in one set of arrays, in locality order inside each body; `Body.index` leads from the
-author's points to the arrays (welded duplicates share a place). Positions are relative to an origin per body.
+Points of all bodies of all worlds stand in one set of arrays, in locality order inside each body; `PointBody.index` leads from
+the author's points to the arrays (welded duplicates share a place). Positions are relative to an origin per body.
 """
 
 from dataclasses import dataclass, field
@@ -12,15 +12,15 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.sheet_ordering import order_of_points
-from wsim.geometry.triangulate import triangulate
-from wsim.model.launches import Launches
-from wsim.model.midnodes import held, links, spread, with_middles
+from wsim.geometry.triangulate import triangulate_polygons
+from wsim.model.launches import KernelLaunches
+from wsim.model.midnodes import held_with_midnodes, memory_neighbours, with_middles, with_midnode_values
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.nodal.masses import cloth_masses, loose, soft_masses, soft_weights
+from wsim.scene.nodal.masses import cloth_masses, fill_loose_masses, soft_masses, soft_weights
 
 
 @dataclass
-class Body:
+class PointBody:
     """One cloth or spring net of one world, in solver order."""
 
     world: int
@@ -58,26 +58,26 @@ class Body:
 
 
 @dataclass
-class Model(Launches):
+class Model(KernelLaunches):
     """Bodies of every world, and the tables over points and objects that every method reads."""
     scene: Scene
     worlds: int
     device: Any                          # warp device
     real: Any                            # wp.float32 or wp.float64
     module: str                          # name of the Warp module that holds the plan's kernels
-    bodies: list[Body]
+    bodies: list[PointBody]
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
     step: str = ""                       # module of kernels of a Newton step, which other scenes share; "": the plan's
     constraints: list = field(default_factory=list)       # `wsim.physics.cloth.constraints.Constraints` of every world
-    tables: dict = field(default_factory=dict)            # `wsim.physics.cloth.table.Table` of them by kind, of who has asked
+    tables: dict = field(default_factory=dict)  # `wsim.physics.cloth.table.ConstraintTable` of them by kind, of who has asked
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
     by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
     tape: Any = None                     # `wsim.model.tape.Tape` that records what is launched
     vjp: dict = field(default_factory=dict)               # adjoints by hand, by kernel: see `wsim.model.vjp`
     plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
-    recorder: Any = None                 # `wsim.physics.fused.recorder.Recorder` that writes down what would be launched
-    fuser: Any = None                    # `wsim.physics.fused.fuser.Fuser`: many substeps in one launch
+    recorder: Any = None  # `wsim.physics.motion.fused.recorder.LaunchRecorder` that writes down what would be launched
+    fuser: Any = None                    # `wsim.physics.motion.fused.kernel_fusion.Fuser`: many substeps in one launch
 
     @property
     def points(self) -> int:
@@ -107,7 +107,7 @@ class Model(Launches):
     def dtype(self):
         return np.float32 if self.real.__name__ == "float32" else np.float64
 
-    def body(self, path: str | None, world: int = 0) -> Body:
+    def body(self, path: str | None, world: int = 0) -> PointBody:
         """The body of that path (None: the only one). Raises SceneError that lists the paths there are."""
         found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
         if len(found) != 1:
@@ -131,7 +131,7 @@ class Model(Launches):
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, requires_grad=self.gradients and real)
 
 
-def edge_lengths(body: Body) -> np.ndarray:
+def edge_lengths(body: PointBody) -> np.ndarray:
     """Rest length of every edge of a body [m], (m,): the author's, or that of the rest shape."""
     lengths = getattr(body.source, "lengths", None)
     if lengths is not None:
@@ -142,20 +142,21 @@ def edge_lengths(body: Body) -> np.ndarray:
 
 def hard_places(model: Model) -> np.ndarray:
     """Places in the arrays of every point that is pinned hard, or idle."""
-    places = [b.idle for b in model.bodies] + [held(b, p.points)[0] for p in model.scene.pins for b in model.bodies
+    places = [b.idle for b in model.bodies] + [held_with_midnodes(b, p.points)[0] for p in model.scene.pins
+                                               for b in model.bodies
               if b.path == p.body and not isfinite(p.stiffness)]
     return np.concatenate([np.zeros(0, np.int64), *places])
 
 
-def _surface(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _surface_of_cloth(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Triangles and their polygons, rest positions [m] in world size, masses of the author's points."""
-    triangles, polygon = triangulate(cloth.points, cloth.counts, cloth.indices)
+    triangles, polygon = triangulate_polygons(cloth.points, cloth.counts, cloth.indices)
     rest = cloth.motion.points(cloth.points if cloth.rest_points is None else cloth.rest_points, 0.0)
     return triangles, polygon, rest - rest.mean(axis=0), cloth_masses(cloth, triangles, rest)
 
 
 @dataclass
-class _Shape:
+class _SourceShape:
     """What a source is made of, by the author's points."""
 
     rest: np.ndarray                         # [m], (n, 3)
@@ -171,72 +172,74 @@ class _Shape:
     ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))     # of middles, which follow the points
 
 
-def _shape(source: Cloth | Springs | Soft, places: np.ndarray) -> _Shape:
+def _shape_of_source(source: Cloth | Springs | Soft, places: np.ndarray) -> _SourceShape:
     n = len(places)
     if isinstance(source, Cloth):
-        triangles, polygon, rest, masses = _surface(source)
-        particle = topology.weld(places, source.weld) if source.weld > 0.0 else np.arange(n)
+        triangles, polygon, rest, masses = _surface_of_cloth(source)
+        particle = topology.weld_points(places, source.weld) if source.weld > 0.0 else np.arange(n)
         thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses
-        return _Shape(rest, masses, 0.5 * thick, source.material, particle, triangles, polygon)
+        return _SourceShape(rest, masses, 0.5 * thick, source.material, particle, triangles, polygon)
     if isinstance(source, Springs):
         masses = np.broadcast_to(source.masses, n).astype(np.float64)
-        return _Shape(places - places.mean(axis=0), masses, np.full(n, source.radius), source, np.arange(n), edges=source.edges)
+        return _SourceShape(places - places.mean(axis=0), masses, np.full(n, source.radius), source, np.arange(n),
+                            edges=source.edges)
     rest = source.motion.points(source.points if source.rest_points is None else source.rest_points, 0.0)
     from wsim.geometry.tetra import tets
-    rest, triangles = rest - rest.mean(axis=0), tets.surface(source.tets)
+    rest, triangles = rest - rest.mean(axis=0), tets.tet_surface_triangles(source.tets)
     masses, idle = soft_masses(source, rest)
-    shape = _Shape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
-                   tets.edges(source.tets), source.tets, idle)
+    shape = _SourceShape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
+                         tets.edges_of_tets(source.tets), source.tets, idle)
     return with_middles(shape, soft_weights(source)) if source.quadratic else shape
 
 
-def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: int) -> Body:
+def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: int) -> PointBody:
     """Welds, orders and measures one body. Every field but the motion is independent of the device."""
     places = source.motion.points(source.points, 0.0)
-    n, shape = len(places), _shape(source, places)
-    particle, places = shape.particle, spread(places, shape.ends)
+    n, shape = len(places), _shape_of_source(source, places)
+    particle, places = shape.particle, with_midnode_values(places, shape.ends)
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
     one[particle[::-1]] = np.arange(len(places))[::-1]             # first author's point of each particle
-    order = order_of_points(shape.rest[one], particle[links(shape)])       # order[new] = old
+    order = order_of_points(shape.rest[one], particle[memory_neighbours(shape)])  # order[new] = old
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
     index = first + place[particle]
     one = one[order]
     spin = source.motion.at(0.0)[:3, :3]
-    velocities = spread(np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T, shape.ends)[one]
+    velocities = with_midnode_values(np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T,
+                                     shape.ends)[one]
     origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
     origin = np.round(origin)                                      # whole metres: the origin itself is exact
-    whole = _distinct(index[shape.triangles])
+    whole = _corners_are_distinct(index[shape.triangles])
     triangles, polygon = index[shape.triangles[whole]], shape.polygon[whole]
-    edges = topology.edges(triangles) if isinstance(source, Cloth) else index[shape.edges]
+    edges = topology.edges_of_triangles(triangles) if isinstance(source, Cloth) else index[shape.edges]
     friction = (shape.material.static_friction, shape.material.dynamic_friction)
     masses, idle = np.bincount(place[particle], shape.masses, count), index[shape.idle] - first
     if isinstance(source, Cloth):
-        masses, idle = loose(masses, triangles - first)
+        masses, idle = fill_loose_masses(masses, triangles - first)
     velocities[idle] = 0.0
-    return Body(world, source, number, first, index[:n], origin, places[one] - origin, velocities, shape.rest[one], masses,
-                shape.reach[one], friction, triangles.astype(np.int32), polygon, edges.astype(np.int32),
-                index[shape.tets].astype(np.int32), first + idle, index[n:], shape.ends, index[:n])
+    return PointBody(world, source, number, first, index[:n], origin, places[one] - origin, velocities, shape.rest[one], masses,
+                     shape.reach[one], friction, triangles.astype(np.int32), polygon, edges.astype(np.int32),
+                     index[shape.tets].astype(np.int32), first + idle, index[n:], shape.ends, index[:n])
 
 
-def _distinct(triangles: np.ndarray) -> np.ndarray:
+def _corners_are_distinct(triangles: np.ndarray) -> np.ndarray:
     """Whether the corners of each triangle are three different points: a weld may have joined some."""
     a, b, c = triangles.T
     return (a != b) & (b != c) & (c != a)
 
 
-def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
+def build_model(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
     from dataclasses import replace
-    first, single, bodies = 0, [], list[Body]()
+    first, single, bodies = 0, [], list[PointBody]()
     for number, source in enumerate(scene.bodies()):
         single.append(make_body(source, 0, number, first))
         first = single[-1].last
     alias = None
     if scene.ties:
-        from wsim.model.shared_points import join
-        alias = join(single, scene.ties)
+        from wsim.model.shared_points import join_tied_points
+        alias = join_tied_points(single, scene.ties)
     for world in range(worlds):
         shift, rows = world * first, world * len(single)
         bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,

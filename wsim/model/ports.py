@@ -11,21 +11,21 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
-    from wsim.model.stage import Method, Port
-    from wsim.physics.animation.method import Bones
+    from wsim.model.stage import CallPort, Method
+    from wsim.physics.animation.method import SkeletonMethod
     from wsim.physics.cloth.air import Aero
     from wsim.physics.cloth.muscles import Muscles
-    from wsim.physics.contact.contacts import Contacts
-    from wsim.physics.contact.method import Contact
-    from wsim.physics.contact.restitution import Bounce
+    from wsim.physics.contact.contacts import ColliderContacts
+    from wsim.physics.contact.method import ContactMethod
+    from wsim.physics.contact.restitution import RestitutionStage
+    from wsim.physics.contact.selfcontact.method import SelfContactMethod
     from wsim.physics.fluid.method import Fluids
+    from wsim.physics.motion.divergence_monitor import Watch
     from wsim.physics.motion.loads import Loads
-    from wsim.physics.motion.overstretch import Watch
     from wsim.physics.motion.pins import Pins
-    from wsim.physics.motion.points import Points
-    from wsim.physics.rigid.method import Rigid
-    from wsim.physics.rods.method import Strands
-    from wsim.physics.selfcontact.method import SelfContact
+    from wsim.physics.motion.points import FreePoints
+    from wsim.physics.rigid.method import RigidMethod
+    from wsim.physics.rods.method import RodMethod
     from wsim.physics.solver.newton import Assembly
 
 NONE: Any = None
@@ -35,7 +35,7 @@ NONE: Any = None
 class Ports:
     """One field a port. The first lines are of points, then come solvers, explicit steps, contacts, and other things."""
 
-    points: Points = NONE
+    points: FreePoints = NONE
     constants: Any = NONE                               # of points: inverse masses, gravity ...
     densities: dict[int, float] = NONE                  # that were set live, by body
     pins: Pins = NONE
@@ -61,24 +61,24 @@ class Ports:
     target_stride: Any = NONE                           # function: rows of pin targets a substep
     predicted_copies: Callable[[], tuple] = NONE        # what explicit steps predict
     half_step: Callable[[], tuple] = NONE
-    before_forces: Port = NONE                          # called before forces are evaluated
-    before_half_kick: Port = NONE                       # called before the last half kick
+    before_forces: CallPort = NONE                      # called before forces are evaluated
+    before_half_kick: CallPort = NONE                   # called before the last half kick
     earlier_change: Callable[[], Any] = NONE            # of velocities by others, in the last substep but one [m/s]
     whole_frames: Any = NONE                            # True: a frame is one launch
     fused_effects: frozenset[str] = NONE                # names of what blocks that share sheets take along
     edge_watch: Any = NONE                              # of named explicit steps that bear little tension: how long edges are
-    contact: Contact = NONE
-    contacts: Contacts = NONE
-    restitution: Bounce | None = NONE
-    self_contact: SelfContact = NONE
+    contact: ContactMethod = NONE
+    contacts: ColliderContacts = NONE
+    restitution: RestitutionStage | None = NONE
+    self_contact: SelfContactMethod = NONE
     free_flight: Any = NONE                             # frames that cannot touch
     start_warnings: list = field(default_factory=list)  # said of how a scene starts
-    bodies: Rigid = NONE
+    bodies: RigidMethod = NONE
     moving_bodies: Any = NONE                           # rigid bodies that points push
     recorded_bodies: Any = NONE
     drive_targets: Any = NONE                           # (path, name) of targets that drives follow in each substep
-    bones: Bones = NONE
-    rods: Strands = NONE
+    bones: SkeletonMethod = NONE
+    rods: RodMethod = NONE
     strands: Any = NONE                                 # that meet surfaces in their substeps
     strand_reactions: Any = NONE
     fluids: Fluids = NONE
@@ -102,6 +102,6 @@ class JoinedPorts:
         return next((port for port in offered if port is not None), None)
 
 
-def joined(methods: Sequence[Method]) -> Ports:
+def join_offered_ports(methods: Sequence[Method]) -> Ports:
     """What methods offer by now."""
     return cast("Ports", JoinedPorts(methods))

@@ -7,7 +7,7 @@ The first body's point gives way: its place in the arrays stays, idle, and what 
 import numpy as np
 
 
-def join(bodies: list, ties: list) -> np.ndarray:
+def join_tied_points(bodies: list, ties: list) -> np.ndarray:
     """Changes the bodies of one world, and returns the place that stands for each place, (points,)."""
     by_path = {b.path: b for b in bodies}
     alias = np.arange(bodies[-1].last)
@@ -23,7 +23,7 @@ def join(bodies: list, ties: list) -> np.ndarray:
             here = gone[(alias[gone] >= other.first) & (alias[gone] < other.last)]
             np.add.at(other.masses, alias[here] - other.first, body.masses[here - body.first])
             np.maximum.at(other.reach, alias[here] - other.first, body.reach[here - body.first])
-    for group in _groups(bodies, ties):
+    for group in _groups_of_tied_bodies(bodies, ties):
         origin = np.round(np.mean([b.origin for b in group], axis=0))
         for body in group:
             body.places, body.origin = body.places + (body.origin - origin), origin
@@ -32,17 +32,17 @@ def join(bodies: list, ties: list) -> np.ndarray:
     return alias
 
 
-def _groups(bodies: list, ties: list) -> list[list]:
+def _groups_of_tied_bodies(bodies: list, ties: list) -> list[list]:
     """Bodies that hang together by ties, those of each group."""
     root = {b.path: b.path for b in bodies}
 
-    def top(path: str) -> str:
+    def root_of_tied_group(path: str) -> str:
         while root[path] != path:
             path = root[path]
         return path
     for tie in ties:
-        root[top(tie.body)] = top(tie.other)
+        root[root_of_tied_group(tie.body)] = root_of_tied_group(tie.other)
     found: dict[str, list] = {}
     for b in bodies:
-        found.setdefault(top(b.path), []).append(b)
+        found.setdefault(root_of_tied_group(b.path), []).append(b)
     return [group for group in found.values() if len(group) > 1]

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from wsim.model.ports import Ports as Ports
-from wsim.model.ports import joined
-from wsim.model.status import Status
+from wsim.model.ports import join_offered_ports
+from wsim.model.status import FrameStatus
 from wsim.scene.integrator import Integrator
 from wsim.scene.samples import Sample
 
@@ -42,11 +42,11 @@ class Clock:
     i: int = 0                    # iteration of the substep
     j: int = 0                    # step of a method that takes several in a substep
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
-    free: bool = False            # the frame has no contacts, see `wsim.physics.contact.clearance`
+    free: bool = False            # the frame has no contacts, see `wsim.physics.contact.free_flight_test`
     after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
     touching: bool = False        # every frame has contacts: what one world does must not depend on what others touch
-    loop: Any = None              # `wsim.model.launches.Loop` in whose body launches stand: then k is none's in particular
-    apart: bool = False           # what would change the steps of all worlds for one raises `wsim.simulation.retry.Company`
+    loop: Any = None  # `wsim.model.launches.SubstepLoop` in whose body launches stand: then k is none's in particular
+    apart: bool = False  # what would change the steps of all worlds for one raises `wsim.simulation.retry.FixedStepsError`
 
     @property
     def h(self) -> float:
@@ -81,7 +81,7 @@ class Clock:
         return self.integrator.watched
 
     @property
-    def remembers(self) -> bool:
+    def carries_history(self) -> bool:
         """True if this very substep carries on the one before."""
         return self.integrator.memory > 0.0 and not (self.starting and self.k == 0)
 
@@ -94,7 +94,7 @@ class Clock:
     def g(self) -> float:
         """Effective step: v = (d - a) / g and compliance enters as alpha / g^2."""
         m = self.integrator
-        return self.h if m.explicit or (m.memory and not self.remembers) else m.g * m.solves * self.h
+        return self.h if m.explicit or (m.memory and not self.carries_history) else m.g * m.solves * self.h
 
     @property
     def part(self) -> float:
@@ -132,7 +132,7 @@ class Stage:
     frames: str = ""              # FREE, MET: only of such frames
 
 
-class Port(list):
+class CallPort(list):
     """A place where other methods are called: they append functions, which are called in that order."""
 
     def __call__(self, *given) -> None:
@@ -162,7 +162,7 @@ class Remedy:
     row: int = 0
     why: str = ""
     steps: int = 0
-    keeps: bool = False          # graphs stay valid: kernels read what has grown by `wsim.model.structs.Placed`
+    keeps: bool = False          # graphs stay valid: kernels read what has grown by `wsim.model.structs.PlacedStruct`
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class ByWorld:
         return np.repeat(self.values[[b.world for b in found]], [b.count if model.by_point else 1 for b in found], axis=0)
 
 
-def of_world(value, world: int):
+def value_of_world(value, world: int):
     """A live value as one world has it."""
     return float(value.values[world]) if isinstance(value, ByWorld) else value
 
@@ -213,11 +213,11 @@ class Method:
     def reserve(self) -> None:
         """Makes lists longer than they begin, so that they do not run out while somebody watches: see `Simulation.prepare`."""
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         """Remedies for what the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         """Warnings of a frame that holds: (what they are of, a number, words in which {worst} stands for the greatest)."""
         return []
 
@@ -251,7 +251,7 @@ class Methods(list[Method]):
     @property
     def ports(self) -> Ports:
         """What methods offer: who needs something asks for the port, not for the method that has it."""
-        return joined(self)
+        return join_offered_ports(self)
 
     def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """`Method.restored` of each."""

@@ -15,7 +15,7 @@ from wsim.kernels.math.real import types
 
 
 @dataclass(frozen=True)
-class Field:
+class StateField:
     """type: "vec3", "mat33", "scalar" (of the simulation's precision), "int", "long" (64 bits); "vec3d" and "double" are
     float64 whatever that precision is."""
 
@@ -31,27 +31,27 @@ class Field:
 
 
 POINTS = (
-    Field("x", "m", True, "position relative to the object's origin"),
-    Field("e", "m", True, "rounding remainder of x"),
-    Field("v", "m/s", True, "velocity"),
-    Field("d", "m", False, "displacement in this substep"),
+    StateField("x", "m", True, "position relative to the object's origin"),
+    StateField("e", "m", True, "rounding remainder of x"),
+    StateField("v", "m/s", True, "velocity"),
+    StateField("d", "m", False, "displacement in this substep"),
 )
-ANCHOR = (Field("a", "m", False, "what velocity is measured from: v = (d - a) / g"),)
+ANCHOR = (StateField("a", "m", False, "what velocity is measured from: v = (d - a) / g"),)
 HISTORY = (
-    Field("s", "m", True, "step before this one (BDF2)"),
-    Field("u", "m/s", True, "velocity before this one (BDF2)"),
+    StateField("s", "m", True, "step before this one (BDF2)"),
+    StateField("u", "m/s", True, "velocity before this one (BDF2)"),
 )
 STAGED = (
-    Field("s", "m", False, "step of a step's first stage, then of all of it (sdirk3)"),
-    Field("u", "m/s", False, "change of velocity of a step's first stage, then of all of it (sdirk3)"),
+    StateField("s", "m", False, "step of a step's first stage, then of all of it (sdirk3)"),
+    StateField("u", "m/s", False, "change of velocity of a step's first stage, then of all of it (sdirk3)"),
 )
-CARRY = (Field("r", "m/s", True, "rounding remainder of v (explicit)"),)
-HALF = (Field("b", "m/s", True, "velocity that goes on where v is only read: leapfrog's, half a substep before v, that of "
-              "Runge-Kutta steps, less the half of what lasting contacts give; frames taken whole leave it as it was"),)
+CARRY = (StateField("r", "m/s", True, "rounding remainder of v (explicit)"),)
+HALF = (StateField("b", "m/s", True, "velocity that goes on where v is only read: leapfrog's, half a substep before v, that of "
+                   "Runge-Kutta steps, less the half of what lasting contacts give; frames taken whole leave it as it was"),)
 
 
 @dataclass
-class Part:
+class StatePart:
     """Device arrays by field name, all of `capacity` rows, of which `count` are in use.
 
     rows    {(prim path, world): its rows, in the author's order}: what is restarted by prim path
@@ -61,7 +61,7 @@ class Part:
     name: str
     count: int
     capacity: int
-    fields: tuple[Field, ...] = ()
+    fields: tuple[StateField, ...] = ()
     arrays: dict[str, wp.array] = field(default_factory=dict)
     rows: dict[tuple[str, int], np.ndarray] = field(default_factory=dict)
     every: Any = None
@@ -69,12 +69,13 @@ class Part:
     saved: dict[str, tuple[wp.array, wp.array]] = field(default_factory=dict)      # persistent ones beside `every`
 
     @staticmethod
-    def allocate(name: str, fields: tuple[Field, ...], count: int, real, device, capacity: int | None = None) -> "Part":
+    def allocate(name: str, fields: tuple[StateField, ...], count: int, real, device,
+                 capacity: int | None = None) -> "StatePart":
         """Zeros for every field, and a snapshot for every persistent one. capacity: rows that there is room for."""
         room = count if capacity is None else capacity
         kept = [f for f in fields if f.persistent and f.type == fields[0].type]
         every, aside = (wp.zeros(len(kept) * room, dtype=fields[0].dtype(real), device=device) for _ in range(2))
-        part = Part(name, count, room, every=every, aside=aside)
+        part = StatePart(name, count, room, every=every, aside=aside)
         for f in fields:
             if f in kept:
                 k = kept.index(f)
@@ -84,7 +85,7 @@ class Part:
                 part.take(f, wp.zeros(room, dtype=f.dtype(real), device=device))
         return part
 
-    def take(self, what: Field, array: wp.array) -> wp.array:
+    def take(self, what: StateField, array: wp.array) -> wp.array:
         """Makes an array that a method has allocated a field of this part. Raises ValueError for a name that is taken, or
         another number of rows."""
         if what.name in self.arrays or array.shape[0] != self.capacity:
@@ -96,9 +97,9 @@ class Part:
             self.saved[what.name] = array, wp.clone(array)
         return array
 
-    def enlarge(self, capacity: int, real, device) -> None:
+    def enlarge_part(self, capacity: int, real, device) -> None:
         """Room for more rows, by new arrays: what is there stays, and in the snapshot, which a repeated frame starts from."""
-        other, before = Part.allocate(self.name, self.fields, self.count, real, device, capacity), self.capacity
+        other, before = StatePart.allocate(self.name, self.fields, self.count, real, device, capacity), self.capacity
         for k in range(len(self.names)):
             assert other.aside is not None and self.aside is not None
             wp.copy(other.aside, self.aside, k * capacity, k * before, before)
@@ -113,7 +114,7 @@ class Part:
         """Fills what is only there while it is asked for."""
 
     @property
-    def kept(self) -> list[Field]:
+    def kept(self) -> list[StateField]:
         """Fields that outlive a frame."""
         return [f for f in self.fields if f.persistent]
 
@@ -136,12 +137,12 @@ class Part:
 
 
 @dataclass
-class State:
+class SimulationState:
     """Parts by name. The fields of the points are attributes too: `state.x` is `state.parts["points"].arrays["x"]`."""
 
-    parts: dict[str, Part] = field(default_factory=dict)
+    parts: dict[str, StatePart] = field(default_factory=dict)
 
-    def add(self, *parts: Part) -> None:
+    def add(self, *parts: StatePart) -> None:
         """Raises ValueError for a name that is taken."""
         for part in parts:
             if part.name in self.parts:
@@ -149,7 +150,7 @@ class State:
             self.parts[part.name] = part
 
     @property
-    def points(self) -> Part:
+    def points(self) -> StatePart:
         return self.parts["points"]
 
     def __getattr__(self, name: str) -> wp.array:
@@ -158,7 +159,7 @@ class State:
             raise AttributeError(f"the points have no {name!r}; they have {list(part.arrays) if part else 'no fields here'}")
         return part.arrays[name]
 
-    def has(self, name: str) -> bool:
+    def has_point_field(self, name: str) -> bool:
         """True if the points have this field."""
         return "points" in self.parts and name in self.points.arrays
 
@@ -167,12 +168,12 @@ class State:
         for part in self.parts.values():
             yield from part.copies()
 
-    def snapshot(self) -> None:
+    def take_snapshot(self) -> None:
         """Copies all that outlives a frame aside (capturable)."""
         for array, aside in self.copies():
             wp.copy(aside, array)
 
-    def restore(self) -> None:
+    def restore_snapshot(self) -> None:
         """Puts the snapshot back."""
         for array, aside in self.copies():
             wp.copy(array, aside)

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 
-class Status:
+class FrameStatus:
     def __init__(self, device):
         self.device = wp.get_device(device)
         self.places: dict[str, slice] = {}
@@ -39,7 +39,7 @@ class Status:
                 self._host = wp.zeros(max(self.size, 1), dtype=int, device="cpu", pinned=True)
             self._words = (self._array if self._host is None else self._host).numpy()
 
-    def mirrored(self, shape: tuple[int, ...], dtype) -> tuple[wp.array, np.ndarray]:
+    def mirrored_array(self, shape: tuple[int, ...], dtype) -> tuple[wp.array, np.ndarray]:
         """Zeros on the device, and their values as the frame that was waited for has left them. These come with the words: to
         read an array of a GPU by itself takes 0.15 ms."""
         array = host = wp.zeros(shape, dtype=dtype, device=self.device)

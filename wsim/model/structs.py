@@ -3,7 +3,7 @@
 from typing import Any
 
 
-def filled(Struct: Any, **values: Any) -> Any:
+def fill_struct(Struct: Any, **values: Any) -> Any:
     """A struct with these values; its other arrays are empty, its other numbers 0."""
     found = Struct()
     for name, value in values.items():
@@ -11,7 +11,7 @@ def filled(Struct: Any, **values: Any) -> Any:
     return found
 
 
-class Placed:
+class PlacedStruct:
     """A struct that kernels read from an array of one on the device, `at`. What its arrays hold may grow: others take their
     place there (`put`), and graphs that hold launches of the kernels stay valid."""
 
@@ -27,18 +27,18 @@ class Placed:
         self.at.assign(wp.array([self.struct], dtype=self.at.dtype, device="cpu"))
 
 
-def values(struct: Any) -> dict[str, Any]:
+def struct_values(struct: Any) -> dict[str, Any]:
     """Fields of a struct by name."""
     return {name: getattr(struct, name) for name in struct._cls.vars}
 
 
-def leaves(struct: Any) -> dict[str, tuple[Any, Any]]:
+def struct_leaves(struct: Any) -> dict[str, tuple[Any, Any]]:
     """(type, value) of the arrays and numbers of a struct by name, "a.b" of those of a struct a within."""
     found = {}
     for name, var in struct._cls.vars.items():
         value = getattr(struct, name)
         if hasattr(value, "_cls"):
-            found |= {f"{name}.{path}": leaf for path, leaf in leaves(value).items()}
+            found |= {f"{name}.{path}": leaf for path, leaf in struct_leaves(value).items()}
         else:
             found[name] = var.type, value
     return found

@@ -22,15 +22,15 @@ import warp as wp
 
 from wsim.kernels.solver import newton_adjoint
 from wsim.model import kernel_cache
-from wsim.model.arena import Slots
+from wsim.model.arena import ArraySlots
 from wsim.model.compiler import recorded
-from wsim.model.structs import filled, values
+from wsim.model.structs import fill_struct, struct_values
 
 KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)      # flags, lists, starts of iterations
 
 
 @dataclass
-class Root:
+class RecordedArray:
     """An array that changes. base: where the method has it; carried: the gradient of its value between two stretches; plain: it
     has none."""
 
@@ -43,22 +43,22 @@ class Root:
     written: bool = False
 
 
-def give(grad: wp.array, into: wp.array) -> None:
+def add_and_clear_gradient(grad: wp.array, into: wp.array) -> None:
     """Adds a gradient to another and clears it."""
-    wp.launch(newton_adjoint.give(grad.dtype), grad.size, [grad], [into], device=grad.device)
+    wp.launch(newton_adjoint.gradient_transfer_kernel(grad.dtype), grad.size, [grad], [into], device=grad.device)
 
 
-def _view(version: wp.array, root: wp.array, view: wp.array) -> wp.array:
+def _view_of_version(version: wp.array, root: wp.array, view: wp.array) -> wp.array:
     """What `view` is of `root`, of another version of it."""
     if view.ptr == root.ptr and view.shape == root.shape:
         return version
     assert version.ptr is not None and view.ptr is not None and root.ptr is not None
 
-    def same(array: wp.array) -> wp.array:
+    def same_view_of(array: wp.array) -> wp.array:
         return wp.array(ptr=array.ptr + (view.ptr - root.ptr), dtype=view.dtype, shape=view.shape, strides=view.strides,
                         device=view.device, requires_grad=False)
-    found = same(version)
-    found.grad = same(version.grad)
+    found = same_view_of(version)
+    found.grad = same_view_of(version.grad)
     return found
 
 
@@ -66,14 +66,14 @@ def _view(version: wp.array, root: wp.array, view: wp.array) -> wp.array:
 class Tape:
     """Records the launches of one stretch. `roots` are shared by the stretches of a recording."""
 
-    slots: Slots
-    roots: list[Root]
+    slots: ArraySlots
+    roots: list[RecordedArray]
     plain: set[int] = field(default_factory=set)                            # addresses, see `wsim.model.model`
     vjp: dict = field(default_factory=dict)                                 # see `wsim.model.vjp`
     steps: list[Callable[[], None]] = field(default_factory=list)           # what was launched, in order
     adjoints: list[Callable[[], None]] = field(default_factory=list)        # their adjoints, in the same order
-    entries: list[tuple[Root, wp.array]] = field(default_factory=list)
-    ends: list[tuple[Root, wp.array]] = field(default_factory=list)
+    entries: list[tuple[RecordedArray, wp.array]] = field(default_factory=list)
+    ends: list[tuple[RecordedArray, wp.array]] = field(default_factory=list)
     within_of: dict[int, int] = field(default_factory=dict)                 # launches in place of a version, by its address
     puts: dict[str, Callable[[], None]] = field(default_factory=dict)       # what wrote constants last, by its owner
     first: tuple[int, int] = (0, 0)
@@ -108,7 +108,7 @@ class Tape:
         """Copies vectors, as `wp.copy` does."""
         count = count or source.size - first
         there, back = self.read(source[first:first + count]), self.write(into[into_first:into_first + count], True)
-        self.do(lambda: wp.copy(back, without(there)))           # with gradients a copy would take those along
+        self.do(lambda: wp.copy(back, without_gradient(there)))  # with gradients a copy would take those along
         self.hand(back.grad, there.grad)
 
     def within(self, array: wp.array, forward: Callable, backward: Callable) -> None:
@@ -125,11 +125,11 @@ class Tape:
         work = root.work
         self.do(lambda: forward(version))
 
-        def undo() -> None:
+        def undo_launch_in_place() -> None:
             if before[version.ptr] == number:            # the last of them is the first to be undone
-                wp.copy(work, without(version))
+                wp.copy(work, without_gradient(version))
             backward(work, version.grad)
-        self.adjoints.append(undo)
+        self.adjoints.append(undo_launch_in_place)
 
     def put(self, owner: str, put: Callable[[], None], take: Callable[[], None]) -> None:
         """Launches that write arrays in structs, all of them anew: constants until the next time. take: their adjoint. Going
@@ -138,11 +138,11 @@ class Tape:
         self.puts[owner] = put
         self.do(put)
 
-        def back() -> None:
+        def undo_constants() -> None:
             take()
             if before:
                 before()
-        self.adjoints.append(back)
+        self.adjoints.append(undo_constants)
 
     def zero(self, array: wp.array) -> None:
         """Sets an array to zero, as `array.zero_()` does."""
@@ -163,31 +163,31 @@ class Tape:
             self.write(pushes, True)
             push = self.read(pushes)                                   # so is this
 
-        def forward() -> None:
+        def replay_implicit_solve() -> None:
             before, model.tape = model.tape, None
             for base, version in ((anchor, a), (s.x, x), (s.d, b)):
                 wp.copy(base, version)
             for p, F in shapes:
-                wp.copy(p.F, without(F))
-                p.become(F)
+                wp.copy(p.F, without_gradient(F))
+                p.shape_from_flow(F)
             solver.solve(now)
             wp.copy(d, s.d)
             if contacts:
                 wp.copy(push, pushes)
             model.tape = before
-        self.do(forward)
+        self.do(replay_implicit_solve)
 
-        def backward() -> None:
+        def adjoint_of_implicit_solve() -> None:
             for p, F in shapes:
-                p.become(F)
+                p.shape_from_flow(F)
             if contacts:
                 ready()
                 contacts.by_push = push.grad
-                wp.copy(contacts.found, without(push))
+                wp.copy(contacts.found, without_gradient(push))
             solver.back(now, d, b, x, a)
             for p, F in shapes:
                 p.adjoint.shape(F)
-        self.adjoints.append(backward)
+        self.adjoints.append(adjoint_of_implicit_solve)
 
     def do(self, step: Callable[[], None]) -> None:
         step()
@@ -195,26 +195,27 @@ class Tape:
 
     def hand(self, grad: wp.array, into: wp.array) -> None:
         """Adjoint of a copy."""
-        kernel_cache.load(newton_adjoint.give(grad.dtype).module, grad.device)              # a capture cannot
-        self.adjoints.append(lambda: give(grad, into))
+        # a capture cannot
+        kernel_cache.load_kernel_module(newton_adjoint.gradient_transfer_kernel(grad.dtype).module, grad.device)
+        self.adjoints.append(lambda: add_and_clear_gradient(grad, into))
 
-    def root_of(self, array: wp.array, wanted: bool) -> Root | None:
+    def root_of(self, array: wp.array, wanted: bool) -> RecordedArray | None:
         for root in self.roots:
             if root.base.ptr <= array.ptr < root.base.ptr + max(root.base.capacity, 1):
                 return root
         if not wanted:
             return None
-        self.roots.append(Root(array, wp.zeros_like(array, requires_grad=False), array.ptr in self.plain))
+        self.roots.append(RecordedArray(array, wp.zeros_like(array, requires_grad=False), array.ptr in self.plain))
         return self.roots[-1]
 
-    def version(self, root: Root) -> wp.array:
+    def version(self, root: RecordedArray) -> wp.array:
         return (self.slots.plain if root.plain else self.slots).take(root.base.dtype, root.base.shape)
 
     def read(self, a: Any) -> Any:
         """The latest version of an argument, or a struct of those of its arrays."""
         if hasattr(a, "_cls"):
             return self.together(a)
-        root = self.root_of(a, False) if _differs(a) else None
+        root = self.root_of(a, False) if _is_differentiable(a) else None
         if root is None:
             return a
         if root.latest is None:
@@ -222,17 +223,17 @@ class Tape:
             self.do(partial(wp.copy, root.latest, root.base))
             self.entries.append((root, root.latest))
         root.fresh = False
-        return _view(root.latest, root.base, a)
+        return _view_of_version(root.latest, root.base, a)
 
     def together(self, struct: Any) -> Any:
         """The latest versions of a struct's arrays; the struct itself where none has any."""
-        before = values(struct)
+        before = struct_values(struct)
         read = {name: self.read(value) for name, value in before.items()}
-        return struct if all(read[name] is before[name] for name in read) else filled(struct._cls, **read)
+        return struct if all(read[name] is before[name] for name in read) else fill_struct(struct._cls, **read)
 
     def write(self, a: Any, whole: bool) -> Any:
         """The version that a launch writes."""
-        root = self.root_of(a, True) if _differs(a) else None
+        root = self.root_of(a, True) if _is_differentiable(a) else None
         if root is None:
             return a
         if not root.fresh:
@@ -244,10 +245,10 @@ class Tape:
                 self.follow(before, root.latest)
         root.fresh = root.written = True
         assert root.latest is not None
-        return _view(root.latest, root.base, a)
+        return _view_of_version(root.latest, root.base, a)
 
     def follow(self, before: wp.array, after: wp.array) -> None:
-        self.do(lambda: wp.copy(after, without(before)))
+        self.do(lambda: wp.copy(after, without_gradient(before)))
         self.hand(after.grad, before.grad)
 
     def finish(self) -> None:
@@ -258,14 +259,14 @@ class Tape:
                 self.do(partial(wp.copy, root.base, root.latest))
         self.end = self.slots.at
         for root in self.roots:
-            kernel_cache.load(newton_adjoint.give(root.base.dtype).module, root.base.device)
+            kernel_cache.load_kernel_module(newton_adjoint.gradient_transfer_kernel(root.base.dtype).module, root.base.device)
 
     def forward(self) -> None:
         for step in self.steps:
             step()
 
     def backward(self) -> None:
-        """Passes from gradients of the values at the end to those at the start (`Root.carried`); adds to constants'."""
+        """Passes gradients of the values at the end to those at the start (`RecordedArray.carried`); adds to constants'."""
         self.slots.clear(self.first, self.end)
         for root, version in self.ends:
             if root.plain:
@@ -277,15 +278,15 @@ class Tape:
         for step in reversed(self.adjoints):
             step()
         for root, version in self.entries:
-            give(version.grad, root.carried)
+            add_and_clear_gradient(version.grad, root.carried)
 
 
-def _differs(a: Any) -> bool:
+def _is_differentiable(a: Any) -> bool:
     """Whether an argument is an array of real numbers that may change. Quaternions only start an iteration."""
     return isinstance(a, wp.array) and a.ptr is not None and a.dtype not in KEPT
 
 
-def without(a: wp.array) -> wp.array:
+def without_gradient(a: wp.array) -> wp.array:
     """The same memory without a gradient."""
     return wp.array(ptr=a.ptr, dtype=a.dtype, shape=a.shape, strides=a.strides, device=a.device)
 
@@ -296,4 +297,4 @@ def adjoint_of(a: Any) -> Any:
         return a.grad
     if not hasattr(a, "_cls"):
         return None
-    return filled(a._cls, **{name: v.grad if isinstance(v, wp.array) else v for name, v in values(a).items()})
+    return fill_struct(a._cls, **{name: v.grad if isinstance(v, wp.array) else v for name, v in struct_values(a).items()})

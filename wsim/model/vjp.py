@@ -31,7 +31,7 @@ def beside(model: Model, file: str, name: str, *given) -> Any:
     return adjoint
 
 
-def fixed(backward: Backward) -> Record:
+def fixed_adjoint(backward: Backward) -> Record:
     """Wrapper for adjoints that need to know nothing of a launch but its arrays."""
     return lambda inputs: backward
 

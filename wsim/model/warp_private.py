@@ -50,7 +50,7 @@ def in_cache(module: wp.Module, block: int | None) -> bool:
     return name is not None and Path(str(wp.config.kernel_cache_dir), name).exists()
 
 
-def executables(module: wp.Module) -> dict | None:
+def loaded_executables(module: wp.Module) -> dict | None:
     """What was loaded of a module; None: unknown."""
     found = getattr(module, "execs", None)
     return dict(found) if isinstance(found, dict) else None

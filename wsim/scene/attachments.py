@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
 from wsim.scene.curve import Curve, Motion
 
 
 @dataclass(eq=False)
-class Pin(Compared):
+class Pin(ArrayDataclass):
     """Points of a body held to a frame, still or animated (USD: PhysicsAttachment, point to xform), as in
     `scene.pin("/pins", flag, range(9))`.
 
@@ -37,12 +37,12 @@ class Pin(Compared):
     follows: Any = None
 
     def __post_init__(self):
-        self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
-        self.places = reals(self.places, -1, 3)
+        self.points = contiguous_array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
+        self.places = real_array(self.places, -1, 3)
 
 
 @dataclass(eq=False)
-class Tie(Compared):
+class Tie(ArrayDataclass):
     """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say, as in
     `scene.tie("/tie", flag, [0, 1], jelly, [4, 5])`.
 
@@ -60,11 +60,11 @@ class Tie(Compared):
     others: np.ndarray
 
     def __post_init__(self):
-        self.points, self.others = array(self.points, np.int32, -1), array(self.others, np.int32, -1)
+        self.points, self.others = contiguous_array(self.points, np.int32, -1), contiguous_array(self.others, np.int32, -1)
 
 
 @dataclass(eq=False)
-class Load(Compared):
+class Load(ArrayDataclass):
     """A force on points of a body, or a traction on triangles, over time, as in `scene.force("/pull", flag, [8], (0, 0, 2.0))`.
     Dead: its direction stays (`Soft.pressure` turns).
 
@@ -84,8 +84,9 @@ class Load(Compared):
     triangles: np.ndarray | None = None
 
     def __post_init__(self):
-        self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
-        self.weights = array(self.weights, np.float32, -1)
+        self.points, self.triangles = (contiguous_array(self.points, np.int32, -1),
+                                       contiguous_array(self.triangles, np.int32, -1, 3))
+        self.weights = contiguous_array(self.weights, np.float32, -1)
         self.curve = self.curve.replaced(np.asarray(self.curve.values, np.float64))
 
     @property
@@ -101,13 +102,13 @@ class Load(Compared):
         return np.full(k, 1.0 / max(k, 1)) if self.weights is None else self.weights.astype(np.float64)
 
 
-def over_time(value) -> Curve:
+def as_curve_over_time(value) -> Curve:
     """A vector (3,) as a curve that stays; a Curve as it is."""
     return value if isinstance(value, Curve) else Curve(np.zeros(1), np.asarray(value, np.float64)[None])
 
 
 @dataclass(eq=False)
-class Varying(Compared):
+class Varying(ArrayDataclass):
     """A live value that varies in time, linear between keys. A frame uses the value at its middle (`wsim.simulation.varying`).
 
     path        prim path of a body or collider; "/": the whole scene

@@ -12,7 +12,7 @@ from wsim.scene.solid import Bulk
 CLOTH_MODELS = ("membrane", "springs")
 
 
-def array(value, dtype, *shape):
+def contiguous_array(value, dtype, *shape):
     """value as a contiguous array of that dtype and shape (-1: any); None stays None. Raises ValueError where numbers of
     points are none: a mask, fractions."""
     if value is None:
@@ -25,14 +25,14 @@ def array(value, dtype, *shape):
     return np.ascontiguousarray(value, dtype).reshape(shape)
 
 
-def reals(value, *shape):
+def real_array(value, *shape):
     """value as a contiguous array of that shape, float32 where it is float32, as files hold it, else float64: nobody's doubles
     are rounded. None stays None."""
     if value is None:
         return None
     kept = np.asarray(value)
     if kept.dtype in (np.float16, np.float32):
-        return array(kept, np.float32, *shape)
+        return contiguous_array(kept, np.float32, *shape)
     return np.array(kept, np.float64, order="C").reshape(shape)              # apart from the caller's
 
 
@@ -53,18 +53,18 @@ class SizedShape:
                 raise ValueError(f"{type(self).__name__}: {f.name} is {value}; allowed {allowed} [m]")
 
 
-def single(thing):
+def body_in_single_precision(thing):
     """A body or pin with its doubles rounded to float32, itself where it has none."""
     values = {f.name: getattr(thing, f.name) for f in fields(thing)}
     doubles = {name: v.astype(np.float32) for name, v in values.items() if isinstance(v, np.ndarray) and v.dtype == np.float64}
     return replace(thing, **doubles) if doubles else thing
 
 
-class Unnamed(int):
+class DefaultCount(int):
     """A count that nobody named, as a default is: `auto` may put another in its place."""
 
 
-class Compared:
+class ArrayDataclass:
     """Dataclasses with arrays, equal when every field is: doubles and what a file holds of them, float32, are. Setting a name
     that is no field raises AttributeError."""
 
@@ -78,11 +78,11 @@ class Compared:
 
     def __eq__(self, other):
         return type(self) is type(other) and all(
-            same(getattr(self, f.name), getattr(other, f.name))
+            equal_values(getattr(self, f.name), getattr(other, f.name))
             for f in fields(self) if f.compare)  # type: ignore[arg-type]
 
 
-def same(a, b) -> bool:
+def equal_values(a, b) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         if a is None or b is None:
             return False
@@ -90,12 +90,12 @@ def same(a, b) -> bool:
         narrow = np.float32 if {a.dtype, b.dtype} == {np.dtype(np.float32), np.dtype(np.float64)} else None
         return np.array_equal(a.astype(narrow or a.dtype), b.astype(narrow or b.dtype))
     if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
-        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+        return len(a) == len(b) and all(equal_values(x, y) for x, y in zip(a, b, strict=True))
     return bool(a == b)
 
 
 @dataclass(eq=False)
-class Cloth(Compared):
+class Cloth(ArrayDataclass):
     """A surface that deforms, as in `scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 8, 8), material=fabric("silk"))`. Polygons
     as authored; `wsim.geometry.triangulate` cuts them into triangles.
 
@@ -145,12 +145,12 @@ class Cloth(Compared):
 
     def __post_init__(self):
         demand_kind(self.path, self.material, Fabric, 'wsim.fabric("silk")')
-        self.points = reals(self.points, -1, 3)
-        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
-        self.velocities = reals(self.velocities, -1, 3)
-        self.rest_points = reals(self.rest_points, -1, 3)
-        self.masses, self.thicknesses = reals(self.masses, -1), reals(self.thicknesses, -1)
-        self.stretches, self.bends = reals(self.stretches, -1), reals(self.bends, -1)
+        self.points = real_array(self.points, -1, 3)
+        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
+        self.velocities = real_array(self.velocities, -1, 3)
+        self.rest_points = real_array(self.rest_points, -1, 3)
+        self.masses, self.thicknesses = real_array(self.masses, -1), real_array(self.thicknesses, -1)
+        self.stretches, self.bends = real_array(self.stretches, -1), real_array(self.bends, -1)
 
     @property
     def air(self) -> dict[str, float]:
@@ -165,7 +165,7 @@ class Cloth(Compared):
 
 
 @dataclass(eq=False)
-class Springs(Compared):
+class Springs(ArrayDataclass):
     """A net of linear springs between own points, as in `scene.net("/rope", [(0, 0, 0), (1, 0, 0)], [(0, 1)],
     stiffness=[100.0], masses=[0.1])`. With `actuation` some are muscles: their rest length is multiplied by the factor of
     their group, which changes over time.
@@ -202,16 +202,16 @@ class Springs(Compared):
     muscles: np.ndarray | None = None
 
     def __post_init__(self):
-        self.muscles = array(self.muscles, np.int32, -1)
+        self.muscles = contiguous_array(self.muscles, np.int32, -1)
         if self.actuation is not None:
             self.actuation = self.actuation.flat()
-        self.points, self.edges = reals(self.points, -1, 3), array(self.edges, np.int32, -1, 2)
-        self.stiffness, self.masses = reals(self.stiffness, -1), reals(self.masses, -1)
-        self.lengths, self.velocities = reals(self.lengths, -1), reals(self.velocities, -1, 3)
+        self.points, self.edges = real_array(self.points, -1, 3), contiguous_array(self.edges, np.int32, -1, 2)
+        self.stiffness, self.masses = real_array(self.stiffness, -1), real_array(self.masses, -1)
+        self.lengths, self.velocities = real_array(self.lengths, -1), real_array(self.velocities, -1, 3)
 
 
 @dataclass(eq=False)
-class Skin(Compared):
+class Skin(ArrayDataclass):
     """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body), as in
     `jelly.skins.append(Skin("/jelly/skin", *shapes.box((0.1, 0.1, 0.1))))`.
 
@@ -227,12 +227,12 @@ class Skin(Compared):
     indices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
 
     def __post_init__(self):
-        self.points = array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
+        self.points = contiguous_array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
 
 
 @dataclass(eq=False)
-class Soft(Compared):
+class Soft(ArrayDataclass):
     """A solid of tetrahedra that deforms, as in `scene.soft("/cube", *shapes.block((0.2, 0.2, 0.2), 3),
     material=Bulk(young=2e4))`. Volumes are positive: `wsim.geometry.tetra.repair` turns others.
 
@@ -274,11 +274,11 @@ class Soft(Compared):
     def __post_init__(self):
         for material in self.materials:
             demand_kind(self.path, material, Bulk, "wsim.Bulk(young=2e4)")
-        self.points, self.tets = reals(self.points, -1, 3), array(self.tets, np.int32, -1, 4)
-        self.which, self.filled = array(self.which, np.int32, -1), reals(self.filled, -1)
-        self.velocities = reals(self.velocities, -1, 3)
-        self.rest_points = reals(self.rest_points, -1, 3)
-        self.masses = reals(self.masses, -1)
+        self.points, self.tets = real_array(self.points, -1, 3), contiguous_array(self.tets, np.int32, -1, 4)
+        self.which, self.filled = contiguous_array(self.which, np.int32, -1), real_array(self.filled, -1)
+        self.velocities = real_array(self.velocities, -1, 3)
+        self.rest_points = real_array(self.rest_points, -1, 3)
+        self.masses = real_array(self.masses, -1)
 
     @property
     def materials(self) -> list[Bulk]:

@@ -14,7 +14,7 @@ rolled up one way), and has no Poisson's ratio of its own: see `wsim.physics.clo
 from dataclasses import dataclass, replace
 from math import inf, pi
 
-from wsim.scene.values.table import validate
+from wsim.scene.values.table import validate_material_numbers
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Fabric:
     normal_drag: float = 0.0
 
     def __post_init__(self):
-        validate("Cloth", self)
+        validate_material_numbers("Cloth", self)
 
 
-def isotropic(youngs: float, poisson: float, thickness: float, density: float, **more) -> Fabric:
+def isotropic_fabric(youngs: float, poisson: float, thickness: float, density: float, **more) -> Fabric:
     """Homogeneous sheet of Young's modulus [Pa], Poisson ratio, thickness [m], density [kg/m^3] (E t, G t, plate
     stiffness; Timoshenko, Woinowsky-Krieger 1959, eq. 3). `more` goes to `Fabric`."""
     return Fabric(stretch=youngs * thickness, shear=youngs * thickness / (2.0 * (1.0 + poisson)),
@@ -74,7 +74,7 @@ def bend_of_fibres(area_density: float, modulus: float, diameter: float) -> floa
     return 0.5 * area_density * modulus * diameter ** 2 / 16.0
 
 
-def _woven(area_density: float, thickness: float, warp: float, weft: float, *, slowed: float, **more) -> Fabric:
+def _woven_fabric(area_density: float, thickness: float, warp: float, weft: float, *, slowed: float, **more) -> Fabric:
     """Woven sheet of area density [kg/m^2]; the one stretch of an isotropic sheet is the mean of warp and weft [N/m].
     Poisson ratio 0: the coupling measured beside those moduli is under 3 % of them. slowed: see below [1/s]."""
     return Fabric(stretch=0.5 * (warp + weft), thickness=thickness, density=area_density / thickness,
@@ -104,28 +104,29 @@ FABRICS: dict[str, Fabric] = {
     # 16 momme (1 momme = 4.34 g/m^2): a blouse. No silk is in [W]: in-plane figures are those of its lightest filament
     # weave (white-dots-on-blk, polyester, 0.128 kg/m^2). Bending by fibres of 7.3 N/tex and 12 um, friction 0.26 [M];
     # thickness from 1340 kg/m^3 fibres that fill 40 % of the cloth (assumed).
-    "silk": _woven(16 * 4.34e-3, 16 * 4.34e-3 / (0.40 * 1340.0), 2002.1, 2027.5, shear=19.2,
-                   bend=bend_of_fibres(16 * 4.34e-3, 7.3e6, 12.0e-6), static_friction=0.26, dynamic_friction=0.21, slowed=2.2),
+    "silk": _woven_fabric(16 * 4.34e-3, 16 * 4.34e-3 / (0.40 * 1340.0), 2002.1, 2027.5, shear=19.2,
+                          bend=bend_of_fibres(16 * 4.34e-3, 7.3e6, 12.0e-6), static_friction=0.26, dynamic_friction=0.21,
+                          slowed=2.2),
     # Trouser weight, 65 % cotton (royal-target in [W]). Bending: the geometric mean of its two bounds, 6.7 uN m of free
     # fibres (5.0 N/tex (Upland), 14 um [M]) and 30 uN m that [W] measured at the least curvature (a quarter of their
     # hinge coefficient, mean of three directions), in which threads hold each other. Friction 0.29 to 0.57 [M];
     # thickness from 1520 kg/m^3 fibres that fill 30 % of the cloth (assumed).
-    "cotton": _woven(0.220, 0.220 / (0.30 * 1520.0), 2016.6, 2035.0, shear=104.8,
-                     bend=(bend_of_fibres(0.220, 5.0e6, 14.0e-6) * 29.9e-6)**0.5, static_friction=0.45,
-                     dynamic_friction=0.36, slowed=2.3),
+    "cotton": _woven_fabric(0.220, 0.220 / (0.30 * 1520.0), 2016.6, 2035.0, shear=104.8,
+                            bend=(bend_of_fibres(0.220, 5.0e6, 14.0e-6) * 29.9e-6)**0.5, static_friction=0.45,
+                            dynamic_friction=0.36, slowed=2.3),
     # 11 oz, 99 % cotton (11oz-black-denim in [W]). From [D]: bending 0.174 gf cm^2/cm (0.144 to 0.227), shear
     # 1.96 gf/(cm degree) (1.5 to 3.4), thickness 0.99 mm (0.80 to 1.19). In [W] it bends with 16 to 24 uN m, here with 17.
-    "denim": _woven(0.324, 0.99e-3, 205.4, 1013.9, shear=1.96 * _KES_SHEAR, bend=0.174 * _KES_BEND,
-                    static_friction=0.55, dynamic_friction=0.44, slowed=2.8),
+    "denim": _woven_fabric(0.324, 0.99e-3, 205.4, 1013.9, shear=1.96 * _KES_SHEAR, bend=0.174 * _KES_BEND,
+                           static_friction=0.55, dynamic_friction=0.44, slowed=2.8),
     # Garment leather, 0.8 mm [G], 900 kg/m^3 (810 to 1050 [A]). E is the secant to failure: 8 to 25 MPa [L], mean 16.5,
     # over 0.55 elongation (0.4 to 0.7, assumed); [A] has 100 to 500 MPa for harder leathers. nu 0.3 is assumed. It bends far
     # more easily than a plate of that E (1.4 mN m, a drape coefficient of 99 %): its layers slide and its first strain is soft.
     # Bending is that of a bending length of 1.8 cm, which drapes as [G] measured.
-    "leather": replace(isotropic(16.5e6 / 0.55, 0.30, 0.8e-3, 900.0, static_friction=0.6, dynamic_friction=0.48,
-                                 normal_drag=2.0 * 0.8e-3 * 900.0), bend=0.8e-3 * 900.0 * 9.81 * 0.018**3),
+    "leather": replace(isotropic_fabric(16.5e6 / 0.55, 0.30, 0.8e-3, 900.0, static_friction=0.6, dynamic_friction=0.48,
+                                        normal_drag=2.0 * 0.8e-3 * 900.0), bend=0.8e-3 * 900.0 * 9.81 * 0.018**3),
     # 1 mm sheet: E = 2 (1 + nu) G with G and density from [R]; nu 0.499 [A], here 0.49.
-    "rubber": isotropic(2.0 * 1.49 * 0.5e6, 0.49, 1.0e-3, 950.0, static_friction=1.0, dynamic_friction=0.8,
-                        normal_drag=2.4 * 1.0e-3 * 950.0),
+    "rubber": isotropic_fabric(2.0 * 1.49 * 0.5e6, 0.49, 1.0e-3, 950.0, static_friction=1.0, dynamic_friction=0.8,
+                               normal_drag=2.4 * 1.0e-3 * 950.0),
 }
 
 

@@ -110,7 +110,7 @@ TABLE = {m.name: m for m in (
     Integrator("backward_euler", 1, "every h", g=1.0, nodes=(1.0,), title="backward Euler"),
     # keeps the energy of linear systems, does not damp what it does not resolve
     Integrator("implicit_midpoint", 2, "every h, if the step is solved to its residual", g=0.5, nodes=(0.5,),
-               met=(1e-2, 1e-3), title="the implicit midpoint", motion="wsim.physics.motion.points.Prolonged"),
+               met=(1e-2, 1e-3), title="the implicit midpoint", motion="wsim.physics.motion.points.ProlongedEuler"),
     # damps only what it does not resolve
     Integrator("bdf2", 2, "every h, if the step is solved to its residual", g=2.0 / 3.0, nodes=(1.0,), memory=1.0 / 3.0,
                met=(0.5, 2e-2), title="BDF2", motion="wsim.physics.motion.points.Multistep"),

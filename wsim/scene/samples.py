@@ -13,7 +13,7 @@ BESIDE = ("", VOLUME, DROPS)
 
 
 @dataclass(frozen=True)
-class Points:
+class PointSample:
     """Positions [m] (n, 3) and velocities [m/s] (n, 3) of a prim's own points, as many as it has at rest."""
 
     path: str
@@ -22,7 +22,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Transform:
+class TransformSample:
     """Local-to-world (4, 4) [m], rigid or with scale, column vectors."""
 
     path: str
@@ -30,7 +30,7 @@ class Transform:
 
 
 @dataclass(frozen=True)
-class Particles:
+class ParticleSample:
     """Particles, of another number each frame: positions [m] (n, 3), widths (diameters) [m] (n,), ids (n,), which stay with a
     particle, velocities [m/s] (n, 3)."""
 
@@ -42,7 +42,7 @@ class Particles:
 
 
 @dataclass(frozen=True)
-class Instances:
+class InstanceSample:
     """Instances of a PointInstancer that move rigidly.
 
     path         prim path of the instancer
@@ -62,7 +62,7 @@ class Instances:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class QuantitySample:
     """A number, or numbers (n,) such as joint values, as a sampled attribute of type double or double[]."""
 
     path: str
@@ -71,7 +71,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Volume:
+class VolumeSample:
     """Fields on a box of cubes along the world's axes, in an OpenVDB file a frame beside the layer.
 
     path      of the prim of the box: a UsdVol.Volume, else the volume is made beside it, with `VOLUME` behind its name
@@ -89,7 +89,7 @@ class Volume:
 
 
 @dataclass(frozen=True)
-class Colour:
+class ColourSample:
     """Linear colours of the points of a body or skin, (n, 3), in the author's order."""
 
     path: str
@@ -118,4 +118,4 @@ class Joints:
     weights: np.ndarray | None = None
 
 
-Sample = Points | Transform | Joints | Instances | Particles | Quantity | Volume | Colour
+Sample = PointSample | TransformSample | Joints | InstanceSample | ParticleSample | QuantitySample | VolumeSample | ColourSample

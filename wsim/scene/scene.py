@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import solids
-from wsim.scene.attachments import Load, Pin, Tie, Varying, over_time
-from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, Unnamed, single
+from wsim.scene.attachments import Load, Pin, Tie, Varying, as_curve_over_time
+from wsim.scene.bodies import CLOTH_MODELS, ArrayDataclass, Cloth, DefaultCount, Skin, Soft, Springs, body_in_single_precision
 from wsim.scene.curve import Motion
-from wsim.scene.methods import METHODS, inventory, owner, role
+from wsim.scene.methods import METHODS, describe_scene_contents, method_file, owning_method
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
@@ -26,7 +26,7 @@ __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylin
 COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation")      # of a body's shape
 
 
-def _motion(path: str, at, more: dict) -> Motion:
+def _motion_or_placement(path: str, at, more: dict) -> Motion:
     """The motion among arguments, or the place `at`. Raises SceneError for both, and for what is no Motion."""
     motion = more.get("motion")
     if np.shape(at) != (3,):
@@ -41,7 +41,7 @@ def _motion(path: str, at, more: dict) -> Motion:
 
 
 @dataclass(eq=False, repr=False)
-class Scene(Compared):
+class Scene(ArrayDataclass):
     """A scene: everything there is, as in `Scene(up="Z", fps=30.0, frames=60)`. Frame f is at time f / fps [s] after `start`;
     a substep is h = 1 / fps / substeps.
 
@@ -84,7 +84,7 @@ class Scene(Compared):
     fps: float = 24.0
     start: float = 0.0
     frames: int = 96
-    substeps: int = Unnamed(10)
+    substeps: int = DefaultCount(10)
     iterations: int = 4
     solver: str = "auto"
     integrator: str = "auto"
@@ -110,11 +110,11 @@ class Scene(Compared):
             self.gravity = (0.0, 0.0, -9.81) if self.up == "Z" else (0.0, -9.81, 0.0)
 
     def __repr__(self) -> str:
-        return f"<Scene{f' {self.source}' if self.source else ''}: {inventory(self)}>"
+        return f"<Scene{f' {self.source}' if self.source else ''}: {describe_scene_contents(self)}>"
 
     def add(self, thing):
         """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""
-        if owner(name := type(thing).__name__) is None:
+        if owning_method(name := type(thing).__name__) is None:
             said = f"is a {name}, which no method simulates; there are: {', '.join(n for row in METHODS for n in row.owns)}"
             raise SceneError(Problem(getattr(thing, "path", "/"), said))
         self.others.setdefault(name, []).append(thing)
@@ -148,8 +148,8 @@ class Scene(Compared):
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
         """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
-        shape = shape if "motion" in more else solids.upright(shape, self.up)
-        more["motion"] = _motion(path, at, more)
+        shape = shape if "motion" in more else solids.upright_plane(shape, self.up)
+        more["motion"] = _motion_or_placement(path, at, more)
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
 
@@ -159,21 +159,21 @@ class Scene(Compared):
         surface = {name: more.pop(name) for name in COLLIDER_FIELDS if name in more} if shape is not None else {}
         if shape is not None:
             more["colliders"] = [Collider(f"{path}/shape", shape, **surface)]
-        more["motion"] = _motion(path, at, more)
-        return self.add(role("Body", "objects").Body(path, **more))
+        more["motion"] = _motion_or_placement(path, at, more)
+        return self.add(method_file("Body", "objects").Body(path, **more))
 
     def joint(self, kind: str, path: str, body0=None, body1=None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Any:
         """Adds a joint (`wsim.Joint`) of two rigid bodies, or their paths; None: the world. kind: "fixed", "revolute" (turns
         about `axis`), "prismatic" (slides along it) or "spherical"; at, axis (3,): in the world [m]. more: low and high [rad]
         or [m], between which it turns or slides, and fields of `Joint`. Raises SceneError for another kind or body."""
-        kinds = role("Joint", "joints.joint").KINDS
+        kinds = method_file("Joint", "joints.joint").KINDS
         if kind not in kinds:
             allowed = f"{', '.join(kinds)}; for any other, scene.add(wsim.Joint(...))"
             raise SceneError(Problem(path, f"kind is {kind!r}; allowed is one of {allowed}"))
-        ends = [self._rigid(path, body) for body in (body0, body1)]
+        ends = [self._rigid_body_at(path, body) for body in (body0, body1)]
         return self.add(kinds[kind](path, *ends, at=at, axis=axis, **more))
 
-    def _rigid(self, path: str, body) -> Any:
+    def _rigid_body_at(self, path: str, body) -> Any:
         """A rigid body by its path."""
         if not isinstance(body, str):
             return body
@@ -185,23 +185,23 @@ class Scene(Compared):
 
     def rods(self, path: str, points, counts, **more) -> Any:
         """Adds rods or hair (`wsim.Rods`): points (n, 3) [m], strand behind strand, counts of points of each strand."""
-        return self.add(role("Rods", "objects").Rods(path, points, counts, **more))
+        return self.add(method_file("Rods", "objects").Rods(path, points, counts, **more))
 
     def smoke(self, path: str, low, high, cell: float, **more) -> Any:
         """Adds a box of air (`wsim.Fluid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; `smoke_source`
         lets smoke into it."""
-        return self.add(role("Fluid", "objects").Fluid(path, low, high, cell, **more))
+        return self.add(method_file("Fluid", "objects").Fluid(path, low, high, cell, **more))
 
     def liquid(self, path: str, low, high, cell: float, **more) -> Any:
         """Adds a box for liquid (`wsim.Liquid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; it is empty:
         `liquid_source` fills it."""
-        return self.add(role("Liquid", "objects").Liquid(path, low, high, cell, **more))
+        return self.add(method_file("Liquid", "objects").Liquid(path, low, high, cell, **more))
 
     def mpm(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a body of particles (`MaterialPoints`) that fill a closed shape at a place `at` (3,) [m] or with motion=..., or
         that are given: points=..., volumes=.... material: "jelly", "snow", "sand", "water", or one of them with numbers."""
-        more["motion"] = _motion(path, at, more)
-        return self.add(role("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
+        more["motion"] = _motion_or_placement(path, at, more)
+        return self.add(method_file("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 
     def smoke_source(self, path: str, fluid, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a shape that smoke, heat or air comes from (`wsim.Source`) to a box of air, or its path; at a place `at` (3,)
@@ -214,10 +214,10 @@ class Scene(Compared):
         return self._source("LiquidSource", "liquid", path, liquid, shape, at, more)
 
     def _source(self, name: str, of: str, path: str, domain, shape, at, more: dict) -> Any:
-        shape = shape if "motion" in more else solids.upright(shape, self.up)
-        more["motion"] = _motion(path, at, more)
+        shape = shape if "motion" in more else solids.upright_plane(shape, self.up)
+        more["motion"] = _motion_or_placement(path, at, more)
         more[of] = domain if isinstance(domain, str) else domain.path
-        return self.add(getattr(role(name, "objects"), name)(path, shape, **more))
+        return self.add(getattr(method_file(name, "objects"), name)(path, shape, **more))
 
     def pin(self, path: str, body, points, **more) -> Pin:
         """Holds points (indices) of a cloth or spring net; see `Pin` for the fields."""
@@ -234,17 +234,19 @@ class Scene(Compared):
         """Adds a force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part
         of it on each (1 for each: all of it on every one)."""
         weights = None if weights is None else np.broadcast_to(np.asarray(weights, np.float32), np.shape(points)).copy()
-        self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(force), points, weights))
+        self.loads.append(Load(path, body if isinstance(body, str) else body.path, as_curve_over_time(force), points, weights))
         return self.loads[-1]
 
     def traction(self, path: str, body, triangles, traction) -> Load:
         """Adds a traction [Pa], (3,) or a Curve, on triangles (m, 3) of a cloth or soft body (`nodal.loads.between`)."""
-        self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
+        self.loads.append(Load(path, body if isinstance(body, str) else body.path, as_curve_over_time(traction),
+                               triangles=triangles))
         return self.loads[-1]
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
-        own = {name: [single(thing) for thing in getattr(self, name)] for name in ("cloths", "springs", "softs", "pins")}
+        own = {name: [body_in_single_precision(thing) for thing in getattr(self, name)]
+               for name in ("cloths", "springs", "softs", "pins")}
         return replace(self, **own)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:

@@ -19,19 +19,19 @@ from wsim.geometry.tetra import lattice
 CUTS = ("alternating", "diagonal", "quads")
 
 
-def _positive(**sizes) -> None:
+def _require_positive_sizes(**sizes) -> None:
     for name, value in sizes.items():
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value:g}; it must be finite and > 0")
 
 
-def _count(least: int, **counts) -> None:
+def _require_whole_counts(least: int, **counts) -> None:
     for name, value in counts.items():
         if int(value) != value or value < least:
             raise ValueError(f"{name} is {value}; it must be a whole number >= {least}")
 
 
-def _upright(points: np.ndarray, horizontal: bool, up: str) -> np.ndarray:
+def _orient_sheet(points: np.ndarray, horizontal: bool, up: str) -> np.ndarray:
     """Turns a sheet in the x-y plane (normal +z, row 0 at +y) to where it is wanted."""
     if up not in ("Y", "Z"):
         raise ValueError(f'up is {up!r}; allowed is "Y" or "Z"')
@@ -41,7 +41,7 @@ def _upright(points: np.ndarray, horizontal: bool, up: str) -> np.ndarray:
     return np.stack([x, y, z] if up == "Y" else [x, -z, y], axis=1)
 
 
-def _grid(width: float, height: float, columns: int, rows: int) -> np.ndarray:
+def _centred_grid_points(width: float, height: float, columns: int, rows: int) -> np.ndarray:
     """Points of a centred grid in the x-y plane, row by row from +y to -y, (rows * columns, 3)."""
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, columns) * width, np.linspace(0.5, -0.5, rows) * height)
     return np.stack([x.ravel(), y.ravel(), np.zeros(rows * columns)], axis=1)
@@ -56,11 +56,11 @@ def sheet(width: float, height: float, nx: int, ny: int, *, horizontal: bool = F
     cut: "quads"; "diagonal" triangles, all cut the same way; "alternating" triangles, every second diagonal turned,
     which has no preferred direction.
     """
-    _positive(width=width, height=height)
-    _count(1, nx=nx, ny=ny)
+    _require_positive_sizes(width=width, height=height)
+    _require_whole_counts(1, nx=nx, ny=ny)
     if cut not in CUTS:
         raise ValueError(f"cut is {cut!r}; allowed is one of {', '.join(CUTS)}")
-    points = _upright(_grid(width, height, nx + 1, ny + 1), horizontal, up) + np.asarray(at, np.float64)
+    points = _orient_sheet(_centred_grid_points(width, height, nx + 1, ny + 1), horizontal, up) + np.asarray(at, np.float64)
     row, column = (index.ravel() for index in np.divmod(np.arange(nx * ny), nx))
     a = row * (nx + 1) + column                      # a d   corners of a cell, counter-clockwise from the front
     b, c, d = a + nx + 1, a + nx + 2, a + 1          # b c
@@ -82,8 +82,8 @@ def spring_sheet(side: float, n: int, *, stretch: float = 1.0e3, diagonal: float
     2 (n-1)^2 diagonals of `diagonal`, 2 n (n-2) over one point (they resist bending) of `cross`, all in [N/m].
     density [kg/m^2] of the sheet, shared equally by its points. Points 0 .. n-1 are one edge (to be pinned).
     """
-    _positive(side=side, stretch=stretch, density=density)
-    _count(2, n=n)
+    _require_positive_sizes(side=side, stretch=stretch, density=density)
+    _require_whole_counts(2, n=n)
     for name, value in (("diagonal", diagonal), ("cross", cross)):
         if not (np.isfinite(value) and value >= 0):
             raise ValueError(f"{name} is {value:g}; it must be finite and >= 0")
@@ -93,51 +93,51 @@ def spring_sheet(side: float, n: int, *, stretch: float = 1.0e3, diagonal: float
               (cross, grid[:, :-2], grid[:, 2:]), (cross, grid[:-2], grid[2:])]
     edges = np.concatenate([np.stack([i.ravel(), j.ravel()], axis=1) for _, i, j in groups]).astype(np.int32)
     stiffness = np.concatenate([np.full(i.size, k) for k, i, _ in groups])
-    points = _upright(_grid(side, side, n, n), True, up)
+    points = _orient_sheet(_centred_grid_points(side, side, n, n), True, up)
     return points, edges, stiffness, np.full(n * n, density * side * side / (n * n))
 
 
-def _revolve(profile, bottom: float, top: float, segments: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _surface_of_revolution(profile, bottom: float, top: float, segments: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Surface of revolution about z of the (radius, z) pairs [m], closed by axis points at heights bottom and top."""
-    _count(3, segments=segments)
-    points, triangles = primitives.lathe([(0.0, bottom), *profile, (0.0, top)], segments)
+    _require_whole_counts(3, segments=segments)
+    points, triangles = primitives.surface_of_revolution([(0.0, bottom), *profile, (0.0, top)], segments)
     return points, np.full(len(triangles), 3, np.int32), triangles.ravel()
 
 
 def sphere(radius: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sphere about the origin, points on it; `segments` around, half as many from pole to pole."""
-    _positive(radius=radius)
-    _count(4, segments=segments)
+    _require_positive_sizes(radius=radius)
+    _require_whole_counts(4, segments=segments)
     theta = np.pi * np.arange(1, segments // 2) / (segments // 2)
-    return _revolve(radius * np.stack([np.sin(theta), -np.cos(theta)], axis=1), -radius, radius, segments)
+    return _surface_of_revolution(radius * np.stack([np.sin(theta), -np.cos(theta)], axis=1), -radius, radius, segments)
 
 
 def capsule(radius: float, half_height: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Capsule along z; half_height [m] of the straight part."""
-    _positive(radius=radius, half_height=half_height)
-    _count(4, segments=segments)
+    _require_positive_sizes(radius=radius, half_height=half_height)
+    _require_whole_counts(4, segments=segments)
     theta = 0.5 * np.pi * np.arange(1, segments // 4 + 1) / (segments // 4)
     low = np.stack([radius * np.sin(theta), -half_height - radius * np.cos(theta)], axis=1)
     profile = np.concatenate([low, low[::-1] * (1.0, -1.0)])
-    return _revolve(profile, -half_height - radius, half_height + radius, segments)
+    return _surface_of_revolution(profile, -half_height - radius, half_height + radius, segments)
 
 
 def cylinder(radius: float, half_height: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cylinder along z between -half_height and +half_height [m]."""
-    _positive(radius=radius, half_height=half_height)
-    return _revolve([(radius, -half_height), (radius, half_height)], -half_height, half_height, segments)
+    _require_positive_sizes(radius=radius, half_height=half_height)
+    return _surface_of_revolution([(radius, -half_height), (radius, half_height)], -half_height, half_height, segments)
 
 
 def cone(radius: float, half_height: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cone along z: base of `radius` at -half_height, apex at +half_height [m]."""
-    _positive(radius=radius, half_height=half_height)
-    return _revolve([(radius, -half_height)], -half_height, half_height, segments)
+    _require_positive_sizes(radius=radius, half_height=half_height)
+    return _surface_of_revolution([(radius, -half_height)], -half_height, half_height, segments)
 
 
 def box(half, divisions: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Box about the origin with half edges `half` (three lengths [m]); `divisions` cells along every edge. Quads."""
-    _positive(**dict(zip(("half x", "half y", "half z"), half, strict=True)))
-    _count(1, divisions=divisions)
+    _require_positive_sizes(**dict(zip(("half x", "half y", "half z"), half, strict=True)))
+    _require_whole_counts(1, divisions=divisions)
     m = divisions + 1
     i, j = (index.ravel() for index in np.meshgrid(np.arange(divisions), np.arange(divisions), indexing="ij"))
     corners = np.stack([np.stack([i, j]), np.stack([i + 1, j]), np.stack([i + 1, j + 1]), np.stack([i, j + 1])])
@@ -161,8 +161,8 @@ def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndar
     Elliptic sections of fixed proportions, joined by cubics that are flat at the sections, so that nothing bulges;
     at 0.85 m it has a chest of 75 cm and fits a small adult's shirt.
     """
-    _positive(height=height)
-    _count(8, segments=segments)
+    _require_positive_sizes(height=height)
+    _require_whole_counts(8, segments=segments)
     sections = np.array([   # height, half width, half depth over the total height
         (0.00, 0.165, 0.118), (0.12, 0.172, 0.125), (0.30, 0.148, 0.105), (0.50, 0.155, 0.125), (0.62, 0.165, 0.118),
         (0.72, 0.190, 0.095), (0.77, 0.198, 0.075), (0.81, 0.178, 0.064), (0.84, 0.125, 0.056), (0.865, 0.075, 0.050),
@@ -171,7 +171,7 @@ def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndar
     k = np.clip(np.searchsorted(sections[:, 0], z, side="right") - 1, 0, len(sections) - 2)
     s = ((z - sections[k, 0]) / (sections[k + 1, 0] - sections[k, 0]))[:, None]
     half = sections[k, 1:] + s * s * (3.0 - 2.0 * s) * (sections[k + 1, 1:] - sections[k, 1:])
-    points, counts, indices = _revolve([(1.0, each) for each in z], 0.0, 1.0, segments)
+    points, counts, indices = _surface_of_revolution([(1.0, each) for each in z], 0.0, 1.0, segments)
     points[1:-1, :2] *= np.repeat(half, segments, axis=0)            # circles become ellipses
     return points * height, counts, indices
 
@@ -183,7 +183,7 @@ def block(size, cells, kind: str = "five", *, at=(0.0, 0.0, 0.0)) -> tuple[np.nd
     The first (cx + 1)(cy + 1)(cz + 1) points are the corners of the cells, z fastest, then y: those of the side at the least
     x come first. kind: "five" tets a cell, or "bcc", of better shape, which adds the centres of the cells.
     """
-    points, tets = lattice.box(size, cells, kind)
+    points, tets = lattice.tet_box(size, cells, kind)
     at = np.asarray(at, np.float64)
     if at.shape != (3,) or not np.all(np.isfinite(at)):
         raise ValueError(f"at is {at.tolist()}; it must be three finite coordinates [m]")

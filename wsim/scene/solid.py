@@ -17,7 +17,7 @@ Nothing tears.
 from dataclasses import dataclass
 from math import inf
 
-from wsim.scene.values.table import validate
+from wsim.scene.values.table import validate_material_numbers
 
 MODELS = ["corotational", "neo_hookean", "st_venant_kirchhoff", "linear"]
 
@@ -49,4 +49,4 @@ class Bulk:
     def __post_init__(self):
         if self.model not in MODELS:
             raise ValueError(f"model is {self.model!r}; allowed is one of {', '.join(MODELS)}")
-        validate("Soft", self)
+        validate_material_numbers("Soft", self)

@@ -1,4 +1,4 @@
-"""Colliders of a scene, and their shapes: a dataclass each. A table has a row (`Solid`) for each convex shape: its signed
+"""Colliders of a scene, and their shapes: a dataclass each. A table has a row (`ShapeRow`) for each convex shape: its signed
 distance on device and host, its bounding ball, its curvature, its USD types, how it takes a scale, and its triangles.
 
 Lengths in [m]; round shapes lie along their own z, the origin in the middle. NumPy only.
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry import primitives
-from wsim.scene.bodies import Compared, SizedShape, array
+from wsim.scene.bodies import ArrayDataclass, SizedShape, contiguous_array
 from wsim.scene.curve import Motion
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
@@ -94,7 +94,7 @@ class Cone(SizedShape):
 
 
 @dataclass(eq=False)
-class Surface(Compared):
+class Surface(ArrayDataclass):
     """A triangle mesh, as in `scene.collider("/torso", Surface(*shapes.torso()))`. Closed: its inside is solid. Open: both
     sides keep `Collider.thickness` away.
 
@@ -110,20 +110,20 @@ class Surface(Compared):
     poses: Any = None
 
     def __post_init__(self):
-        self.points = array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
+        self.points = contiguous_array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
 
 
 Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface
 
 
-def upright(shape: Shape, up: str) -> Shape:
+def upright_plane(shape: Shape, up: str) -> Shape:
     """A plane without an axis as one that faces `up` ("Y" or "Z"); any other shape as it is."""
     return Plane(up) if isinstance(shape, Plane) and shape.axis is None and up in TURN else shape
 
 
 @dataclass(eq=False)
-class Collider(Compared):
+class Collider(ArrayDataclass):
     """A solid that pushes and is not pushed, as in `scene.collider("/floor", Plane(), dynamic_friction=0.2)`.
 
     path                prim path
@@ -157,7 +157,7 @@ class Collider(Compared):
 
 
 @dataclass(frozen=True)
-class Solid:
+class ShapeRow:
     """kind      its name, as kernels and messages have it          shape    its dataclass, of at most three lengths
     ball      (shape) -> radius of the ball about its origin that holds it [m]; inf: it has no end
     curvature (shape) -> least radius of what bends outward and is no edge [m]; inf where all is flat
@@ -172,7 +172,7 @@ class Solid:
     vanishing fields that may be 0
     stretch   (shape) -> scale op [m] that is written, of which the lengths (here without unit) are multiples; None: none
     formula   "module:function" of the device: (size, q) -> (phi, n), generic, phi convex in q; "": it is in
-              kernels/contact/shape.py"""
+              kernels/contact/collider/shape.py"""
 
     kind: str
     shape: type
@@ -206,7 +206,7 @@ class Solid:
         return x, y, z
 
 
-def row(shape: Any) -> Solid:
+def shape_row(shape: Any) -> ShapeRow:
     """Row of a shape. Raises KeyError where there is none."""
     found = next((each for each in SOLIDS if each.shape is type(shape)), None)
     if found is None:
@@ -215,30 +215,30 @@ def row(shape: Any) -> Solid:
     return found
 
 
-def claimed(names) -> tuple[Solid, str] | None:
+def claiming_shape_row(names) -> tuple[ShapeRow, str] | None:
     """Row that reads prims of one of these applied APIs or types, the first that one does, and that name."""
     return next(((each, name) for name in names for each in reversed(SOLIDS) if name in each.usd), None)
 
 
-def even(scale: np.ndarray, axes: tuple[int, ...]) -> bool:
+def is_uniform_scale(scale: np.ndarray, axes: tuple[int, ...]) -> bool:
     """True if a scale is the same along these axes."""
     return all(abs(abs(scale[0]) - abs(scale[k])) <= SAME * abs(scale[0]) for k in axes)
 
 
-def _round(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _to_cylinder(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.hypot(q[:, 0], q[:, 1]), q[:, 2]
 
 
-def _straight(lengths: Numbers) -> Numbers:
+def _tapered_dimensions(lengths: Numbers) -> Numbers:
     """(bottom, top, half) of (radius, height) or (bottom, top, height)."""
     return lengths[0], lengths[-2], lengths[-1] / 2.0
 
 
-def _of_round(make: type, axes: tuple[int, ...]) -> Callable[[Numbers, np.ndarray], Any]:
-    def scaled(p: Numbers, scale: np.ndarray):
+def _round_shape_scaler(make: type, axes: tuple[int, ...]) -> Callable[[Numbers, np.ndarray], Any]:
+    def scale_round_shape(p: Numbers, scale: np.ndarray):
         made = make(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
-        return made if p[0] == p[1] and even(scale, axes) else None
-    return scaled
+        return made if p[0] == p[1] and is_uniform_scale(scale, axes) else None
+    return scale_round_shape
 
 
 def _radius_and_height(shape: Any) -> dict[str, float]:
@@ -246,55 +246,55 @@ def _radius_and_height(shape: Any) -> dict[str, float]:
 
 
 def _cone_distance(c: Cone, q: np.ndarray) -> np.ndarray:
-    H, R, (rho, z) = c.half_height, c.radius, _round(q)
+    H, R, (rho, z) = c.half_height, c.radius, _to_cylinder(q)
     return np.maximum((2.0 * H * (rho - R) + R * (z + H)) / np.hypot(R, 2.0 * H), -H - z)
 
 
 def _capsule_distance(c: Capsule, q: np.ndarray) -> np.ndarray:
-    rho, z = _round(q)
+    rho, z = _to_cylinder(q)
     return np.hypot(rho, np.maximum(np.abs(z) - c.half_height, 0.0)) - c.radius
 
 
 def _cylinder_distance(c: Cylinder, q: np.ndarray) -> np.ndarray:
-    rho, z = _round(q)
+    rho, z = _to_cylinder(q)
     return np.maximum(rho - c.radius, np.abs(z) - c.half_height)
 
 
 ROUND, ENDS = ("radius", "height"), ("radiusBottom", "radiusTop", "height")
 
-SOLIDS: list[Solid] = [
-    Solid("plane", Plane, ball=lambda p: inf, curvature=lambda p: inf, distance=lambda p, q: q[:, 2],
-          usd={"Plane": ()}, written=("Plane",), read=lambda: (), scaled=lambda p, scale: Plane(),
-          outline=lambda p, sides: primitives.plate(FLOOR, FLOOR), write=lambda p: {"width": FLOOR, "length": FLOOR},
-          given=lambda p: ()),
-    Solid("sphere", Sphere, ball=lambda s: float(s.radius), curvature=lambda s: s.radius,
-          distance=lambda s, q: np.linalg.norm(q, axis=1) - s.radius, usd={"Sphere": ("radius",)}, written=("Sphere",),
-          read=lambda r: (r,),
-          scaled=lambda p, scale: Sphere(float(p[0] * abs(scale[0]))) if even(scale, (1, 2)) else None,
-          outline=lambda p, sides: primitives.sphere(p[0], sides), write=lambda s: {"radius": s.radius},
-          given=lambda s: (s.radius,)),
-    Solid("box", Box, ball=lambda b: float(np.linalg.norm([float(v) for v in b.half])), curvature=lambda b: inf,
-          distance=lambda b, q: (np.abs(q) - np.asarray(b.half)).max(axis=1), usd={"Cube": ("size",)}, written=("Cube",),
-          read=lambda size: (size / 2.0,) * 3,
-          scaled=lambda p, scale: Box((float(p[0] * abs(scale[0])), float(p[1] * abs(scale[1])), float(p[2] * abs(scale[2])))),
-          outline=lambda p, sides: primitives.box(p), write=lambda b: {"size": 2.0}, given=lambda b: tuple(b.half),
-          stretch=lambda b: b.half),
-    Solid("capsule", Capsule, ball=lambda c: float(c.radius) + float(c.half_height),
-          curvature=lambda c: c.radius, distance=_capsule_distance, usd={"Capsule": ROUND, "Capsule_1": ENDS},
-          written=("Capsule",), read=lambda *lengths: _straight(lengths), scaled=_of_round(Capsule, (1, 2)),
-          outline=lambda p, sides: primitives.capsule(p[0], p[1], p[2], sides), write=_radius_and_height,
-          given=lambda c: (c.radius, c.radius, c.half_height), vanishing=("half_height",)),
-    Solid("cylinder", Cylinder, ball=lambda c: hypot(c.radius, c.half_height), curvature=lambda c: c.radius,
-          distance=_cylinder_distance,
-          usd={"Cylinder": ROUND, "Cylinder_1": ENDS}, written=("Cylinder",), read=lambda *lengths: _straight(lengths),
-          scaled=_of_round(Cylinder, (1,)), outline=lambda p, sides: primitives.cylinder(p[0], p[1], p[2], sides),
-          write=_radius_and_height, given=lambda c: (c.radius, c.radius, c.half_height)),
-    Solid("cone", Cone, ball=lambda c: hypot(c.radius, c.half_height), distance=_cone_distance, usd={"Cone": ROUND},
-          written=("Cone",),
-          curvature=lambda c: 0.5 * c.radius * hypot(c.radius, 2.0 * c.half_height) / (2.0 * c.half_height),
-          read=lambda radius, height: (radius, 0.0, height / 2.0),
-          scaled=lambda p, scale: (Cone(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
-                                   if even(scale, (1,)) and scale[2] > 0 else None),
-          outline=lambda p, sides: primitives.cylinder(p[0], p[1], p[2], sides), write=_radius_and_height,
-          given=lambda c: (c.radius, 0.0, c.half_height)),
-]
+SOLIDS: list[ShapeRow] = [
+    ShapeRow("plane", Plane, ball=lambda p: inf, curvature=lambda p: inf, distance=lambda p, q: q[:, 2],
+             usd={"Plane": ()}, written=("Plane",), read=lambda: (), scaled=lambda p, scale: Plane(),
+             outline=lambda p, sides: primitives.plate_outline(FLOOR, FLOOR), write=lambda p: {"width": FLOOR, "length": FLOOR},
+             given=lambda p: ()), ShapeRow("sphere", Sphere, ball=lambda s: float(s.radius), curvature=lambda s: s.radius,
+             distance=lambda s, q: np.linalg.norm(q, axis=1) - s.radius, usd={"Sphere": ("radius",)}, written=("Sphere",),
+             read=lambda r: (r,),
+             scaled=lambda p, scale: Sphere(float(p[0] * abs(scale[0]))) if is_uniform_scale(scale, (1, 2)) else None,
+             outline=lambda p, sides: primitives.sphere_outline(p[0], sides), write=lambda s: {"radius": s.radius},
+             given=lambda s: (s.radius,)),
+    ShapeRow("box", Box, ball=lambda b: float(np.linalg.norm([float(v) for v in b.half])), curvature=lambda b: inf,
+             distance=lambda b, q: (np.abs(q) - np.asarray(b.half)).max(axis=1), usd={"Cube": ("size",)}, written=("Cube",),
+             read=lambda size: (size / 2.0,) * 3, scaled=lambda p,
+             scale: Box((float(p[0] * abs(scale[0])), float(p[1] * abs(scale[1])), float(p[2] * abs(scale[2])))),
+             outline=lambda p, sides: primitives.box_outline(p), write=lambda b: {"size": 2.0}, given=lambda b: tuple(b.half),
+             stretch=lambda b: b.half),
+    ShapeRow("capsule", Capsule, ball=lambda c: float(c.radius) + float(c.half_height),
+             curvature=lambda c: c.radius, distance=_capsule_distance, usd={"Capsule": ROUND, "Capsule_1": ENDS},
+             written=("Capsule",), read=lambda *lengths: _tapered_dimensions(lengths),
+             scaled=_round_shape_scaler(Capsule, (1, 2)),
+             outline=lambda p, sides: primitives.capsule_outline(p[0], p[1], p[2], sides), write=_radius_and_height,
+             given=lambda c: (c.radius, c.radius, c.half_height), vanishing=("half_height",)),
+    ShapeRow("cylinder", Cylinder, ball=lambda c: hypot(c.radius, c.half_height), curvature=lambda c: c.radius,
+             distance=_cylinder_distance, usd={"Cylinder": ROUND, "Cylinder_1": ENDS}, written=("Cylinder",),
+             read=lambda *lengths: _tapered_dimensions(lengths),
+             scaled=_round_shape_scaler(Cylinder, (1,)), outline=lambda p,
+             sides: primitives.cylinder_outline(p[0], p[1], p[2], sides),
+             write=_radius_and_height, given=lambda c: (c.radius, c.radius, c.half_height)),
+    ShapeRow("cone", Cone, ball=lambda c: hypot(c.radius, c.half_height), distance=_cone_distance, usd={"Cone": ROUND},
+             written=("Cone",),
+             curvature=lambda c: 0.5 * c.radius * hypot(c.radius, 2.0 * c.half_height) / (2.0 * c.half_height),
+             read=lambda radius, height: (radius, 0.0, height / 2.0),
+             scaled=lambda p, scale: (Cone(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
+                                      if is_uniform_scale(scale, (1,)) and scale[2] > 0 else None),
+             outline=lambda p, sides: primitives.cylinder_outline(p[0], p[1], p[2], sides), write=_radius_and_height,
+             given=lambda c: (c.radius, 0.0, c.half_height)),]

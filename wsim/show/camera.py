@@ -49,22 +49,22 @@ def up_vector(up: str) -> np.ndarray:
     return np.eye(3)["XYZ".index(up)]
 
 
-def subjects(groups: Sequence[np.ndarray]) -> list[int]:
+def subjects_in_view(groups: Sequence[np.ndarray]) -> list[int]:
     """Numbers of the point sets to frame: a floor or a wall far larger than all else is dropped, one after another."""
     sets = [k for k in range(len(groups)) if len(groups[k])]
     low, high = ({k: f(groups[k], axis=0) for k in sets} for f in (np.min, np.max))
-    def size(some) -> float:
+    def joint_extent(some) -> float:
         return float(np.linalg.norm(np.max([high[k] for k in some], axis=0) - np.min([low[k] for k in some], axis=0)))
     while len(sets) > 1:
-        largest = max(sets, key=lambda k: size([k]))
+        largest = max(sets, key=lambda k: joint_extent([k]))
         others = [k for k in sets if k != largest]
-        if size([largest]) < OUTLIER * size(others) or size(others) == 0.0:
+        if joint_extent([largest]) < OUTLIER * joint_extent(others) or joint_extent(others) == 0.0:
             break
         sets = others
     return sets
 
 
-def fitted(points: np.ndarray, up: str, aspect: float, turn: float = LEFT) -> Camera:
+def fit_camera_to_points(points: np.ndarray, up: str, aspect: float, turn: float = LEFT) -> Camera:
     """The nearest camera in three-quarter view that shows all points (n, 3) [m] with a margin.
 
     turn: angle [rad] to the side of the stage's front, which is +z where y is up and -y where z is up. For each pair

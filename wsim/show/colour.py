@@ -12,12 +12,12 @@ flow add is not seen. NumPy in float64 (distances to meshes: kernels/picture/dis
 
 import numpy as np
 
-from wsim.geometry.tetra.tets import volumes
-from wsim.model.model import Body
-from wsim.physics.cloth.kinds.membrane import flat
+from wsim.geometry.tetra.tets import signed_tet_volumes
+from wsim.model.model import PointBody
+from wsim.physics.cloth.kinds.membrane import flat_edge_matrices
 from wsim.scene import Cloth, Soft, Springs
-from wsim.scene.nodal.skin import Embedding, held
-from wsim.scene.samples import Colour
+from wsim.scene.nodal.skin import SkinEmbedding, embed_all_skins
+from wsim.scene.samples import ColourSample
 
 KINDS = ("strain", "stress", "contact")
 TOP = 0.1                      # strain at the end of the scale
@@ -25,7 +25,7 @@ NEAR = 0.01                    # of the scene's size: gap at the other end of th
 SCALE = np.array([(0.02, 0.05, 0.30), (0.02, 0.30, 0.45), (0.12, 0.46, 0.10), (0.80, 0.50, 0.03), (0.62, 0.02, 0.02)])
 
 
-def scale(values: np.ndarray) -> np.ndarray:
+def colour_scale(values: np.ndarray) -> np.ndarray:
     """Linear colours (n, 3) float32 of values (n,), 0 blue to 1 red; what is outside has the colour of the end."""
     at = np.clip(np.nan_to_num(values, nan=1.0), 0.0, 1.0) * (len(SCALE) - 1)
     low = np.minimum(at.astype(int), len(SCALE) - 2)
@@ -33,26 +33,26 @@ def scale(values: np.ndarray) -> np.ndarray:
     return ((1.0 - part) * SCALE[low] + part * SCALE[low + 1]).astype(np.float32)
 
 
-def measured(body: Body, positions: np.ndarray, kind: str) -> np.ndarray:
+def point_strain_or_stress(body: PointBody, positions: np.ndarray, kind: str) -> np.ndarray:
     """strain or stress of each author's point over the end of its scale, (n,); positions (n, 3) [m], author's order."""
     x = np.zeros((body.count, 3))
     x[body.index - body.first] = positions
     source = body.source
     if isinstance(source, Soft):
-        corners, weights, values = _tets(body, source, x, kind)
+        corners, weights, values = _tet_strain_or_stress(body, source, x, kind)
     elif isinstance(source, Cloth):
-        corners, weights, values = _triangles(body, source, x, kind)
+        corners, weights, values = _triangle_strain_or_stress(body, source, x, kind)
     else:
-        corners, weights, values = _springs(body, source, x, kind)
+        corners, weights, values = _spring_strain_values(body, source, x, kind)
     k = corners.shape[1]
     total = np.bincount(corners.ravel(), np.repeat(weights * values, k), body.count)
     whole = np.bincount(corners.ravel(), np.repeat(weights, k), body.count)
     return (total / np.where(whole > 0.0, whole, 1.0))[body.index - body.first]
 
 
-def _triangles(body: Body, cloth: Cloth, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
+def _triangle_strain_or_stress(body: PointBody, cloth: Cloth, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
     corners = body.triangles - body.first
-    Dm, areas = flat(body.rest[corners])
+    Dm, areas = flat_edge_matrices(body.rest[corners])
     good = areas > 0.0
     corners, areas, p = corners[good], areas[good], x[corners[good]]
     F = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], axis=2) @ np.linalg.inv(Dm[good])
@@ -75,11 +75,11 @@ def _triangles(body: Body, cloth: Cloth, x: np.ndarray, kind: str) -> tuple[np.n
     return corners, areas, np.sqrt(uu * uu - uu * vv + vv * vv + 3.0 * uv * uv) / (TOP * cloth.material.stretch)
 
 
-def _tets(body: Body, soft: Soft, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
+def _tet_strain_or_stress(body: PointBody, soft: Soft, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
     corners = body.tets[:, :4] - body.first
     rest, now = (np.swapaxes(p[corners[:, 1:]] - p[corners[:, :1]], 1, 2) for p in (body.rest, x))
     E = np.linalg.svd(now @ np.linalg.inv(rest), compute_uv=False) - 1.0
-    weights = volumes(body.rest, corners)
+    weights = signed_tet_volumes(body.rest, corners)
     if kind == "strain":
         return corners, weights, np.linalg.norm(E, axis=1) / TOP
     which = np.zeros(len(corners), int) if soft.which is None else soft.which
@@ -88,19 +88,20 @@ def _tets(body: Body, soft: Soft, x: np.ndarray, kind: str) -> tuple[np.ndarray,
     return corners, weights, 2.0 * mu * np.sqrt(1.5) * np.linalg.norm(shape, axis=1) / (TOP * soft.material.young)
 
 
-def _springs(body: Body, net: Springs, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
+def _spring_strain_values(body: PointBody, net: Springs, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
     from wsim.simulation.measure.indicators import edge_lengths, edge_strain
     rest = edge_lengths(body)
     return (body.edges - body.first)[rest > 0.0], rest[rest > 0.0], np.abs(edge_strain(body, x)) / TOP
 
 
-def live(sim, kind: str) -> list[Colour]:
+def colours_of_simulation(sim, kind: str) -> list[ColourSample]:
     """Colours of the bodies of a running simulation, and of their skins, now: samples for a recorder."""
-    values = {b.path: measured(sim.model.body(b.path, 0), sim.positions(b.path), kind) for b in sim.scene.bodies()}
-    values |= {path: through(skin, values[skin.body]) for path, skin in held(sim.scene).items()}
-    return [Colour(path, scale(each)) for path, each in values.items()]
+    values = {b.path: point_strain_or_stress(sim.model.body(b.path, 0), sim.positions(b.path), kind)
+              for b in sim.scene.bodies()}
+    values |= {path: values_on_skin(skin, values[skin.body]) for path, skin in embed_all_skins(sim.scene).items()}
+    return [ColourSample(path, colour_scale(each)) for path, each in values.items()]
 
 
-def through(skin: Embedding, values: np.ndarray) -> np.ndarray:
+def values_on_skin(skin: SkinEmbedding, values: np.ndarray) -> np.ndarray:
     """Values (m,) of a skin's points from those of its body's, (n,)."""
     return skin.of(np.repeat(values[:, None], 3, axis=1))[:, 0]

@@ -14,15 +14,15 @@ from time import perf_counter
 import numpy as np
 
 from wsim.scene import Problem, SceneError
-from wsim.show.camera import Camera, fitted, subjects
+from wsim.show.camera import Camera, fit_camera_to_points, subjects_in_view
 from wsim.show.image import animation, png
-from wsim.show.prim import Drawn
-from wsim.show.raycast import Caster, checked_size, render
-from wsim.show.visible import Visible, visible
+from wsim.show.prim import DrawnPrim
+from wsim.show.raycast import RayCaster, checked_size, render
+from wsim.show.visible import VisibleStage, read_visible_stage
 from wsim.usd.result.atomic import replace_bytes
-from wsim.usd.result.dependencies import refuse
+from wsim.usd.result.dependencies import refuse_overwrite
 
-__all__ = ["Camera", "Caster", "picture", "render"]
+__all__ = ["Camera", "RayCaster", "picture", "render"]
 SUFFIXES = (".png", ".apng", ".gif", ".mp4")
 MOVING = (".apng", ".gif", ".mp4")
 MOST_FRAMES = 2000               # of one animation: all images are held in memory
@@ -46,26 +46,26 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     """
     began = perf_counter()
     out = _checked_out(Path(out))
-    refuse("the picture", out, {stage_path: "the stage"})
+    refuse_overwrite("the picture", out, {stage_path: "the stage"})
     size = checked_size(size)
-    seen = visible(stage_path)
+    seen = read_visible_stage(stage_path)
     moving = out.suffix.lower() in MOVING
     if colour:
-        from wsim.show.paint import paint
-        paint(seen, colour, device)
-    times = _chosen(seen, frames, moving, sheet)
-    cell, columns = cells(size, len(times)) if sheet else (size, 1)
-    cameras, floors = _cameras(seen, times, camera, cell[0] / cell[1])
-    caster = Caster([d.look for d in seen.drawn], cell, device)
+        from wsim.show.paint import paint_measured_colours
+        paint_measured_colours(seen, colour, device)
+    times = _time_codes_to_draw(seen, frames, moving, sheet)
+    cell, columns = contact_sheet_cells(size, len(times)) if sheet else (size, 1)
+    cameras, floors = _cameras_and_ground(seen, times, camera, cell[0] / cell[1])
+    caster = RayCaster([d.look for d in seen.drawn], cell, device)
     images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor,
                            [d.colors(t) if d.colors else d.look.colors for d in seen.drawn],
                            [(smoke, smoke.at(t)) for smoke in seen.smoke], seen.floor is not None)
               for t, c, floor in zip(times, cameras, floors, strict=True)]
     drawn = perf_counter()
     if sheet:
-        images = [tiled(images, columns)]
+        images = [tile_images(images, columns)]
     fps = seen.fps * (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else seen.fps
-    _write(out, images, fps)
+    _write_picture_file(out, images, fps)
     return {"out": str(out), "frames": times, "size": [images[0].shape[1], images[0].shape[0]], "notes": seen.notes,
             "seconds": {"draw": drawn - began, "total": perf_counter() - began}}
 
@@ -73,7 +73,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
 def _checked_out(out: Path) -> Path:
     if out.suffix.lower() not in SUFFIXES:
         raise SceneError(Problem(str(out), f"pictures end in {', '.join(SUFFIXES)}; found '{out.suffix}'"))
-    animation.needed(out.suffix.lower())
+    animation.require_image_writer(out.suffix.lower())
     if out.is_dir():
         raise IsADirectoryError(f"{out}: is a folder; name a file")
     if not out.parent.is_dir():
@@ -83,7 +83,7 @@ def _checked_out(out: Path) -> Path:
     return out
 
 
-def _chosen(seen: Visible, frames, moving: bool, sheet: int | None) -> list[float]:
+def _time_codes_to_draw(seen: VisibleStage, frames, moving: bool, sheet: int | None) -> list[float]:
     """Time codes to draw, checked against the stage's range."""
     if frames is None:
         frames = "all" if moving or sheet else seen.times[-1]
@@ -106,10 +106,11 @@ def _chosen(seen: Visible, frames, moving: bool, sheet: int | None) -> list[floa
     return times
 
 
-def _cameras(seen: Visible, times: list[float], camera, aspect: float) -> tuple[list[Camera], list[float | None]]:
+def _cameras_and_ground(seen: VisibleStage, times: list[float], camera, aspect: float) -> tuple[list[Camera],
+                                                                                                list[float | None]]:
     """The camera and the height of the ground at each time."""
     groups = framed_points(seen, times)
-    chosen = np.concatenate([groups[k] for k in subjects(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
+    chosen = np.concatenate([groups[k] for k in subjects_in_view(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
     axis = "XYZ".index(seen.up)
     base = min((float(g[:, axis].min()) for g in groups), default=0.0)
     floors: list[float | None] = [base if seen.floor is None else seen.floor(t) for t in times]
@@ -118,13 +119,13 @@ def _cameras(seen: Visible, times: list[float], camera, aspect: float) -> tuple[
     if camera is None and seen.cameras:
         camera = next(iter(seen.cameras))
     if camera is None or camera == "auto":
-        return [fitted(chosen, seen.up, aspect)] * len(times), floors
+        return [fit_camera_to_points(chosen, seen.up, aspect)] * len(times), floors
     if camera not in seen.cameras:
         raise SceneError(Problem(str(camera), f"no such camera; the stage has {', '.join(seen.cameras) or 'none'}"))
-    return [_of_stage(seen, camera, t) for t in times], floors
+    return [_camera_of_stage(seen, camera, t) for t in times], floors
 
 
-def framed_points(seen: Visible, times: list[float]) -> list[np.ndarray]:
+def framed_points(seen: VisibleStage, times: list[float]) -> list[np.ndarray]:
     """Points that a camera frames, of each thing that is drawn and each volume (n, 3) [m]: over the whole run, at the times
     that are drawn and at LOOKS between; of volumes where there is smoke."""
     looks = sorted({*times, *(seen.times[int(k)] for k in np.linspace(0, len(seen.times) - 1, min(LOOKS, len(seen.times))))})
@@ -138,7 +139,7 @@ def framed_points(seen: Visible, times: list[float]) -> list[np.ndarray]:
     return groups
 
 
-def finite_points(drawn: Drawn, time: float, needed: bool) -> np.ndarray | None:
+def finite_points(drawn: DrawnPrim, time: float, needed: bool) -> np.ndarray | None:
     """Points of a thing at a time code; None of a broken frame, where it is not needed."""
     try:
         return drawn.points(time)
@@ -148,7 +149,7 @@ def finite_points(drawn: Drawn, time: float, needed: bool) -> np.ndarray | None:
         return None
 
 
-def _of_stage(seen: Visible, path: str, time: float) -> Camera:
+def _camera_of_stage(seen: VisibleStage, path: str, time: float) -> Camera:
     """A UsdGeom.Camera at a time; its whole aperture stays in view."""
     lens = seen.cameras[path](time)
     M = np.array(lens.transform)                    # rows: right, up, back, place
@@ -157,14 +158,14 @@ def _of_stage(seen: Visible, path: str, time: float) -> Camera:
     return Camera(seen.meters * M[3, :3], -unit[2], unit[1], tan_x, tan_y)
 
 
-def cells(size: tuple[int, int], count: int) -> tuple[tuple[int, int], int]:
+def contact_sheet_cells(size: tuple[int, int], count: int) -> tuple[tuple[int, int], int]:
     """Size of one image of a sheet, and the number of columns."""
     columns = ceil(sqrt(count))
     width = max((size[0] - (columns - 1) * GUTTER) // columns, 8)
     return (width, max(round(width * size[1] / size[0]), 8)), columns
 
 
-def tiled(images: list[np.ndarray], columns: int) -> np.ndarray:
+def tile_images(images: list[np.ndarray], columns: int) -> np.ndarray:
     """Images in rows of `columns`, white between and behind."""
     h, w, _ = images[0].shape
     rows = ceil(len(images) / columns)
@@ -175,12 +176,12 @@ def tiled(images: list[np.ndarray], columns: int) -> np.ndarray:
     return whole
 
 
-def _write(out: Path, images: list[np.ndarray], fps: float) -> None:
+def _write_picture_file(out: Path, images: list[np.ndarray], fps: float) -> None:
     """Writes beside the target and renames, so that no half file is ever seen."""
     try:
         if out.suffix.lower() in animation.NEEDS:
-            animation.write(out, images, fps)
+            animation.write_animation(out, images, fps)
         else:
-            replace_bytes(out, png.still(images[0]) if len(images) == 1 else png.animation(images, fps))
+            replace_bytes(out, png.encode_png(images[0]) if len(images) == 1 else png.encode_animated_png(images, fps))
     except OSError as error:
         raise OSError(error.errno, f"not written ({error.strerror}); free space or write elsewhere", str(out)) from None

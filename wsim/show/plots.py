@@ -2,31 +2,31 @@
 
 import numpy as np
 
-from wsim.model.midnodes import places, spread
-from wsim.model.model import Body, make_body
+from wsim.model.midnodes import places_with_midnodes, with_midnode_values
+from wsim.model.model import PointBody, make_body
 from wsim.scene import Scene, SceneError
-from wsim.show.prim import matrix
-from wsim.show.visible import Visible
+from wsim.show.prim import prim_to_world_matrix
+from wsim.show.visible import VisibleStage
 from wsim.simulation.measure.indicators import edge_strain
 from wsim.usd.load import read_stage
-from wsim.usd.result.samples import particles_of
+from wsim.usd.result.samples import particle_of_each_vertex
 
 
-class Measures:
+class ResultMeasures:
     """Energies [J] and strain of a result's bodies from its points and velocities (no elastic energy)."""
 
-    def __init__(self, seen: Visible, scene: Scene):
+    def __init__(self, seen: VisibleStage, scene: Scene):
         self.seen, self.gravity = seen, np.asarray(scene.gravity, float)
         self.bodies = [make_body(source, 0, k, 0) for k, source in enumerate(scene.bodies())]
 
     @staticmethod
-    def of(seen: Visible) -> "Measures | None":
+    def of(seen: VisibleStage) -> "ResultMeasures | None":
         """Measures of a stage, None where it holds no scene that could be simulated."""
         try:
             scene = read_stage(seen.stage)
         except SceneError:
             return None
-        return Measures(seen, scene) if scene.bodies() else None
+        return ResultMeasures(seen, scene) if scene.bodies() else None
 
     def at(self, t: float) -> dict[str, float]:
         """Indicators at a time code; the kinetic energy only where velocities were written."""
@@ -42,10 +42,10 @@ class Measures:
             found |= {"max_strain": float(np.abs(strain).max()), "rms_strain": float(np.sqrt(np.mean(strain**2)))}
         return found
 
-    def _state(self, body: Body, t: float) -> tuple[np.ndarray, np.ndarray]:
+    def _state(self, body: PointBody, t: float) -> tuple[np.ndarray, np.ndarray]:
         """World positions [m] and velocities [m/s] of a body in solver order at a time code."""
         prim = self.seen.stage.GetPrimAtPath(body.path)
-        M, particles = matrix(prim, t), particles_of(prim)
+        M, particles = prim_to_world_matrix(prim, t), particle_of_each_vertex(prim)
         index = body.index if particles is None else body.index[particles]
         x, v = np.zeros((body.count, 3)), np.zeros((body.count, 3))
         x[index] = np.asarray(prim.GetAttribute("points").Get(t), float) @ M[:3, :3].T + M[:3, 3]
@@ -53,5 +53,5 @@ class Measures:
         if velocities is not None and len(velocities) == len(index):
             v[index] = np.asarray(velocities, float) @ M[:3, :3].T
         for a in (x, v):                       # middles of quadratic tets are not in a result
-            a[places(body)] = spread(a[body.index], body.ends)
+            a[places_with_midnodes(body)] = with_midnode_values(a[body.index], body.ends)
         return self.seen.meters * x, self.seen.meters * v

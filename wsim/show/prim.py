@@ -7,54 +7,54 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from wsim.geometry import primitives
-from wsim.geometry.tetra.tets import checked, surface, volumes
-from wsim.geometry.triangulate import index_fault, triangulate
+from wsim.geometry.tetra.tets import checked_tet_arrays, signed_tet_volumes, tet_surface_triangles
+from wsim.geometry.triangulate import index_fault, triangulate_polygons
 from wsim.scene import Problem, SceneError
-from wsim.scene.methods import claimant
-from wsim.scene.solids import claimed
+from wsim.scene.methods import claiming_method
+from wsim.scene.solids import claiming_shape_row
 from wsim.show.image.texture import corner_colors
-from wsim.show.shading import CREASE, Look, palette, smoothing
-from wsim.usd.stage import applied
+from wsim.show.shading import CREASE, MeshLook, palette_colour, smoothing_groups
+from wsim.usd.stage import applied_schemas
 
 SIDES = 64                    # of round shapes
 
 
 @dataclass
-class Drawn:
+class DrawnPrim:
     """A prim with triangles. `points(time code)` gives world positions [m], (n, 3) float64, as many at every time."""
 
-    look: Look
+    look: MeshLook
     kind: str                                             # "cloth", "springs", "soft", "collider" or "plain"
     points: Callable[[float], np.ndarray]
     moves: bool = True                                    # False: the same points at all times
     colors: Callable[[float], np.ndarray] | None = None   # of `look` at a time code, where they change: as many as there
 
 
-def matrix(prim: Usd.Prim, time: float) -> np.ndarray:
+def prim_to_world_matrix(prim: Usd.Prim, time: float) -> np.ndarray:
     """Local to world for columns, (4, 4), stage units."""
     return np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)).T
 
 
-def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: float) -> Drawn | None:
+def triangulate_prim(prim: Usd.Prim, kind: str, number: int, time: float, meters: float) -> DrawnPrim | None:
     """The prim as triangles; None if it has none (an empty mesh)."""
     corners: np.ndarray | None = None
     polygon: np.ndarray | None = None
-    time = _fullest(prim, time)
+    time = _time_of_most_particles(prim, time)
     if prim.IsA(UsdGeom.Mesh):
-        triangles, corners, polygon = _mesh(prim, time)
+        triangles, corners, polygon = _mesh_triangles(prim, time)
     else:
-        triangles = _tets(prim, time) if prim.IsA(UsdGeom.TetMesh) else _outline(prim, time)[1]
+        triangles = _outward_tet_surface(prim, time) if prim.IsA(UsdGeom.TetMesh) else _outline_of_shape(prim, time)[1]
     if len(triangles) == 0:
         return None
-    path, start = str(prim.GetPath()), matrix(prim, time)
+    path, start = str(prim.GetPath()), prim_to_world_matrix(prim, time)
     left = prim.IsA(UsdGeom.Gprim) and str(UsdGeom.Gprim(prim).GetOrientationAttr().Get()) == "leftHanded"
     flipped = left and corners is not None
     if flipped != (np.linalg.det(start[:3, :3]) < 0):
         triangles = triangles[:, ::-1]
         corners = None if corners is None else corners[:, ::-1]
 
-    def points(t: float) -> np.ndarray:
-        local = _local(prim, t)
+    def world_points_at(t: float) -> np.ndarray:
+        local = _points_in_prim_frame(prim, t)
         if prim.IsA(UsdGeom.Points) and len(local) < len(first):          # those that are not there have no size
             local = np.concatenate([local, np.repeat(first[-1:], len(first) - len(local), axis=0)])
         if local.shape != first.shape or not np.isfinite(local).all():
@@ -62,30 +62,30 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
             found = f"point {bad[0]} is not finite" if len(bad) else f"{len(local)} points, {len(first)} at the start"
             raise SceneError(Problem(path, f"at time code {t:g}: {found}; draw earlier frames (frames=...), or "
                                            "simulate again with more substeps"))
-        M = matrix(prim, t)
+        M = prim_to_world_matrix(prim, t)
         return meters * (local @ M[:3, :3].T + M[:3, 3])
 
-    first = _local(prim, time)
+    first = _points_in_prim_frame(prim, time)
     round_ = _is_round(prim, kind)
-    groups = smoothing(points(time), triangles, np.pi if round_ else CREASE)
-    colors, color_of = _colors(prim, time, triangles, corners, polygon)
+    groups = smoothing_groups(world_points_at(time), triangles, np.pi if round_ else CREASE)
+    colors, color_of = _authored_display_colours(prim, time, triangles, corners, polygon)
     if colors is None:
-        colors = np.array([palette(kind, number)])
+        colors = np.array([palette_colour(kind, number)])
     if color_of is None:
         color_of = np.zeros_like(triangles)
-    drawn = Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+    drawn = DrawnPrim(MeshLook(triangles, colors, color_of, groups, path), kind, world_points_at, shape_is_animated(prim))
     colour = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor")
     if colour and colour.ValueMightBeTimeVarying():
         count = len(colors)
 
-        def now(t: float) -> np.ndarray:
-            found = _colors(prim, t, triangles, corners, polygon)[0]
+        def display_colours_at(t: float) -> np.ndarray:
+            found = _authored_display_colours(prim, t, triangles, corners, polygon)[0]
             return found if found is not None and len(found) == count else colors
-        drawn.colors = now
+        drawn.colors = display_colours_at
     return drawn
 
 
-def _fullest(prim: Usd.Prim, time: float) -> float:
+def _time_of_most_particles(prim: Usd.Prim, time: float) -> float:
     """`time`; of particles, whose number changes, a time code at which there are most."""
     points = UsdGeom.Points(prim).GetPointsAttr() if prim.IsA(UsdGeom.Points) else None
     return max([time, *points.GetTimeSamples()], key=lambda code: len(points.Get(code) or ())) if points else time
@@ -93,11 +93,11 @@ def _fullest(prim: Usd.Prim, time: float) -> float:
 
 def drawn_by(prim: Usd.Prim):
     """The `show` of the method that reads such prims (`wsim.scene.methods`), or None."""
-    row = claimant((*applied(prim), str(prim.GetTypeName())))
+    row = claiming_method((*applied_schemas(prim), str(prim.GetTypeName())))
     return row.role("show") if row else None
 
 
-def moves(prim: Usd.Prim) -> bool:
+def shape_is_animated(prim: Usd.Prim) -> bool:
     """True if a prim's shape, or its transform or one above it, has samples over time."""
     shape = ("points", "radius", "height", "size", "width", "length")
     if any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in shape if prim.HasAttribute(name)):
@@ -116,16 +116,16 @@ def _is_round(prim: Usd.Prim, kind: str) -> bool:
     return kind == "cloth" and prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()
 
 
-def _mesh(prim: Usd.Prim, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _mesh_triangles(prim: Usd.Prim, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles (t, 3), the corner of the file that each of their corners is, (t, 3), and the polygon of each, (t,)."""
     mesh = UsdGeom.Mesh(prim)
-    points = _local(prim, time)
+    points = _points_in_prim_frame(prim, time)
     counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or [], np.int64)
     indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or [], np.int64)
     fault = index_fault(len(points), counts, indices)
     if fault:
         raise SceneError(Problem(str(prim.GetPath()), fault))
-    triangles, polygon = triangulate(points, counts, indices)
+    triangles, polygon = triangulate_polygons(points, counts, indices)
     keys = np.repeat(np.arange(len(counts)), counts) * len(points) + indices
     order = np.argsort(keys, kind="stable")
     wanted = (np.asarray(polygon, np.int64)[:, None] * len(points) + triangles).reshape(-1, 3)
@@ -133,59 +133,59 @@ def _mesh(prim: Usd.Prim, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return triangles, corners, polygon
 
 
-def _tets(prim: Usd.Prim, time: float) -> np.ndarray:
+def _outward_tet_surface(prim: Usd.Prim, time: float) -> np.ndarray:
     """Surface triangles (t, 3) of a TetMesh, counter-clockwise from outside.
 
     The sign of each tet's volume decides, which is what `orientation` should say: by the default points, where no tet is
     turned inside out by a simulation, as far as there are any."""
-    points, rest = _authored(prim, time), _authored(prim, Usd.TimeCode.Default())
+    points, rest = _authored_points(prim, time), _authored_points(prim, Usd.TimeCode.Default())
     rows = np.asarray(UsdGeom.TetMesh(prim).GetTetVertexIndicesAttr().Get(time) or [], np.int64).reshape(-1, 4)
     try:
-        points, rows = checked(rest if len(rest) == len(points) else points, rows)
+        points, rows = checked_tet_arrays(rest if len(rest) == len(points) else points, rows)
     except ValueError as error:
         raise SceneError(Problem(str(prim.GetPath()), f"its tetVertexIndices are wrong: {error}")) from None
-    turned = volumes(points, rows) < 0
-    return surface(np.where(turned[:, None], rows[:, [0, 1, 3, 2]], rows))
+    turned = signed_tet_volumes(points, rows) < 0
+    return tet_surface_triangles(np.where(turned[:, None], rows[:, [0, 1, 3, 2]], rows))
 
 
-def _local(prim: Usd.Prim, time: float) -> np.ndarray:
+def _points_in_prim_frame(prim: Usd.Prim, time: float) -> np.ndarray:
     """Points of the drawn triangles in the prim's own frame, (n, 3) float64, stage units."""
     if prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.TetMesh):
-        return _authored(prim, time)
-    return _outline(prim, time)[0]
+        return _authored_points(prim, time)
+    return _outline_of_shape(prim, time)[0]
 
 
-def _authored(prim: Usd.Prim, time: float | Usd.TimeCode) -> np.ndarray:
+def _authored_points(prim: Usd.Prim, time: float | Usd.TimeCode) -> np.ndarray:
     return np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or np.zeros((0, 3)), np.float64).reshape(-1, 3)
 
 
-def _number(prim: Usd.Prim, name: str, time: float) -> float:
+def _number_attribute(prim: Usd.Prim, name: str, time: float) -> float:
     return float(prim.GetAttribute(name).Get(time))
 
 
-def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
+def _outline_of_shape(prim: Usd.Prim, time: float) -> primitives.Outline:
     """Points and triangles of anything that is not a mesh."""
     if role := drawn_by(prim):
         return role.triangles(prim)
-    name, number = str(prim.GetTypeName()), lambda field: _number(prim, field, time)
+    name, number = str(prim.GetTypeName()), lambda field: _number_attribute(prim, field, time)
     if name == "BasisCurves":
-        return _curves(prim, time)
+        return _tubes_along_curves(prim, time)
     if name == "Points":
-        points = _authored(prim, time)
-        return primitives.beads(points, 0.5 * _widths(prim, time, points))
+        points = _authored_points(prim, time)
+        return primitives.bead_outlines(points, 0.5 * _point_widths(prim, time, points))
     axis = str(prim.GetAttribute("axis").Get() or "Z")
     if name == "Plane":
         sides = 0.5 * number("width"), 0.5 * number("length")
-        points, triangles = primitives.plate(*(sides if axis == "Z" else sides[::-1]))
-        return primitives.along(axis, points), triangles
-    if found := claimed((*applied(prim), name)):
+        points, triangles = primitives.plate_outline(*(sides if axis == "Z" else sides[::-1]))
+        return primitives.turn_to_axis(axis, points), triangles
+    if found := claiming_shape_row((*applied_schemas(prim), name)):
         solid, key = found
         points, triangles = solid.outline(solid.read(*map(number, solid.usd[key])), SIDES)
-        return primitives.along(axis, points), triangles
+        return primitives.turn_to_axis(axis, points), triangles
     return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 
 
-def _widths(prim: Usd.Prim, time: float, points: np.ndarray) -> np.ndarray:
+def _point_widths(prim: Usd.Prim, time: float, points: np.ndarray) -> np.ndarray:
     """Width of each point, stage units: authored, else the deformable thickness, else a share of the size."""
     for name in ("widths", "physics:thicknesses"):
         attribute = prim.GetAttribute(name)
@@ -196,9 +196,9 @@ def _widths(prim: Usd.Prim, time: float, points: np.ndarray) -> np.ndarray:
     return np.full(len(points), 0.006 * size)
 
 
-def _curves(prim: Usd.Prim, time: float) -> primitives.Outline:
+def _tubes_along_curves(prim: Usd.Prim, time: float) -> primitives.Outline:
     """Tubes along the control polygons, a bead at each point."""
-    points = _authored(prim, time)
+    points = _authored_points(prim, time)
     counts = np.asarray(UsdGeom.BasisCurves(prim).GetCurveVertexCountsAttr().Get(time) or [], np.int64)
     if counts.sum() > len(points) or (counts < 0).any():
         raise SceneError(Problem(str(prim.GetPath()), f"curveVertexCounts sum to {counts.sum()}, points are "
@@ -208,13 +208,13 @@ def _curves(prim: Usd.Prim, time: float) -> primitives.Outline:
     segments = np.stack([first, first + 1], axis=1)
     if str(UsdGeom.BasisCurves(prim).GetWrapAttr().Get()) == "periodic":
         segments = np.concatenate([segments, np.stack([ends - 1, ends - counts], axis=1)[counts > 1]])
-    radii = 0.5 * _widths(prim, time, points)
-    tube, faces = primitives.rods(points, segments, radii)
-    ball, more = primitives.beads(points, radii)
+    radii = 0.5 * _point_widths(prim, time, points)
+    tube, faces = primitives.rod_outlines(points, segments, radii)
+    ball, more = primitives.bead_outlines(points, radii)
     return np.concatenate([tube, ball]), np.concatenate([faces, more + len(tube)]).astype(np.int32)
 
 
-def _colors(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _authored_display_colours(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Linear colours (k, 3) and the colour of each corner (t, 3) or None for one colour; (None, None): not authored."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
     values = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None
@@ -223,7 +223,7 @@ def _colors(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None,
     if textured is not None:
         return textured.reshape(-1, 3), np.arange(textured.size // 3, dtype=np.int32).reshape(-1, 3)
     if values is None or len(values) == 0:
-        color = _diffuse(prim)
+        color = _diffuse_material_colour(prim)
         return (None, None) if color is None else (color[None], None)
     values = np.asarray(values, np.float64).reshape(-1, 3)
     by = {"uniform": None if polygon is None else np.repeat(polygon[:, None], 3, axis=1), "faceVarying": corners}.get(
@@ -233,7 +233,7 @@ def _colors(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None,
     return values, np.asarray(by, np.int32)
 
 
-def _diffuse(prim: Usd.Prim) -> np.ndarray | None:
+def _diffuse_material_colour(prim: Usd.Prim) -> np.ndarray | None:
     """Diffuse colour of the bound preview material, if it is a plain value."""
     material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
     shader = material.ComputeSurfaceSource()[0] if material else None

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from wsim.scene import Problem, SceneError
-from wsim.show.shading import Look
-from wsim.show.web import Page, Server
+from wsim.show.shading import MeshLook
+from wsim.show.web import RerunServer, WebPage
 
 PORT = 9876                      # rerun's own
 PATIENCE = 20.0                  # [s] until a started viewer must listen
@@ -34,7 +34,7 @@ def rerun_package():
     return rerun
 
 
-class Log:
+class RerunLog:
     """A rerun recording with a time line of frames and one of seconds: into a file, to a web page, or to a viewer.
 
     name    of the recording                       up      "X", "Y" or "Z"
@@ -42,24 +42,24 @@ class Log:
     eye     where the view is from, and what it looks at [m]; None: as rerun chooses
     """
 
-    def __init__(self, name: str, up: str, save=None, web: Page | None = None, eye: Eye | None = None):
+    def __init__(self, name: str, up: str, save=None, web: WebPage | None = None, eye: Eye | None = None):
         self.rr = rr = rerun_package()
         self.eye, self.server = eye, None
         self.stream = rr.RecordingStream("wsim")
         self.stream.send_recording_name(name)
         if save is not None:
-            self.stream.save(checked(Path(save)), default_blueprint=self._blueprint())
+            self.stream.save(check_recording_path(Path(save)), default_blueprint=self._viewer_blueprint())
         elif web is not None:
-            self.server = Server(_program(), web)
-            self.stream.connect_grpc(self.server.data, default_blueprint=self._blueprint())
+            self.server = RerunServer(_find_rerun_program(), web)
+            self.stream.connect_grpc(self.server.data, default_blueprint=self._viewer_blueprint())
         else:
-            _listening()
-            self.stream.connect_grpc(f"rerun+http://127.0.0.1:{PORT}/proxy", default_blueprint=self._blueprint())
+            _start_viewer_process()
+            self.stream.connect_grpc(f"rerun+http://127.0.0.1:{PORT}/proxy", default_blueprint=self._viewer_blueprint())
         axis = {"X": rr.ViewCoordinates.RIGHT_HAND_X_UP, "Y": rr.ViewCoordinates.RIGHT_HAND_Y_UP,
                 "Z": rr.ViewCoordinates.RIGHT_HAND_Z_UP}[up]
         self.stream.log("world", axis, static=True)
 
-    def _blueprint(self):
+    def _viewer_blueprint(self):
         import rerun.blueprint as rrb
 
         plots = [rrb.TimeSeriesView(origin=f"plots/{name}", name=name) for name in (*PLOTS, "other")]
@@ -79,10 +79,10 @@ class Log:
             plot = next((p for p in PLOTS if p in name), "other")
             self.stream.log(f"plots/{plot}/{name}", self.rr.Scalars(float(value)))
 
-    def beads(self, path: str, places: np.ndarray, radii: np.ndarray, color: np.ndarray) -> None:
+    def log_beads(self, path: str, places: np.ndarray, radii: np.ndarray, color: np.ndarray) -> None:
         """Spheres (n, 3), (n,) [m] of one linear colour at the log's time."""
         self.stream.log("world" + path, self.rr.Points3D(places.astype(np.float32), radii=radii.astype(np.float32),
-                                                         colors=srgb(color[None])))
+                                                         colors=linear_to_srgb(color[None])))
 
     def close(self) -> None:
         """All that was logged has left; a file is complete."""
@@ -96,10 +96,10 @@ class Log:
                 self.server.close()
 
 
-class Shown:
+class LoggedMesh:
     """One mesh in a log. Corners that share point, normal and colour are one vertex; the topology is sent once."""
 
-    def __init__(self, log: Log, look: Look):
+    def __init__(self, log: RerunLog, look: MeshLook):
         self.log, self.look, self.started = log, look, False
         corners = np.stack([look.triangles, look.normal_of, look.color_of], axis=-1).reshape(-1, 3)
         vertices, corner = np.unique(corners, axis=0, return_inverse=True)
@@ -112,22 +112,22 @@ class Shown:
                   "vertex_normals": self.look.normals(points)[self.normal].astype(np.float32)}
         mesh, path = self.log.rr.Mesh3D, "world" + self.look.path
         if colors is not None:
-            fields["vertex_colors"] = srgb(colors)[self.color]
+            fields["vertex_colors"] = linear_to_srgb(colors)[self.color]
         if self.started:
             self.log.stream.log(path, mesh.from_fields(**fields))
             return
-        fields.setdefault("vertex_colors", srgb(self.look.colors)[self.color])
+        fields.setdefault("vertex_colors", linear_to_srgb(self.look.colors)[self.color])
         self.log.stream.log(path, mesh(triangle_indices=self.faces, **fields))
         self.started = True
 
 
-def srgb(colors: np.ndarray) -> np.ndarray:
+def linear_to_srgb(colors: np.ndarray) -> np.ndarray:
     """Linear colours (k, 3) as sRGB bytes (IEC 61966-2-1)."""
     c = np.clip(np.asarray(colors, float), 0.0, 1.0)
     return np.round(255.0 * np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1.0 / 2.4) - 0.055)).astype(np.uint8)
 
 
-def checked(save: Path) -> Path:
+def check_recording_path(save: Path) -> Path:
     """Path where a recording is written. Raises SceneError for another ending, FileNotFoundError without a folder."""
     if save.suffix != ".rrd":
         raise SceneError(Problem(str(save), f"recordings end in .rrd; found '{save.suffix}'"))
@@ -136,13 +136,13 @@ def checked(save: Path) -> Path:
     return save
 
 
-def _answers() -> bool:
+def _viewer_answers() -> bool:
     with socket.socket() as probe:
         probe.settimeout(0.2)
         return probe.connect_ex(("127.0.0.1", PORT)) == 0
 
 
-def _program() -> str:
+def _find_rerun_program() -> str:
     """The program `rerun`: that of this Python's environment, else the shell's."""
     beside = Path(sys.executable).with_name("rerun")
     program = str(beside) if beside.exists() else shutil.which("rerun")
@@ -151,17 +151,17 @@ def _program() -> str:
     return program
 
 
-def _listening() -> None:
+def _start_viewer_process() -> None:
     """Starts a viewer on 127.0.0.1 unless something listens there already, and waits until it does."""
-    if _answers():
+    if _viewer_answers():
         return
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise SceneError(Problem("view", f"there is no screen to show it on; {INSTEAD}"))
-    process = subprocess.Popen([_program(), "--bind", "127.0.0.1", "--port", str(PORT)], stdout=subprocess.DEVNULL,
+    process = subprocess.Popen([_find_rerun_program(), "--bind", "127.0.0.1", "--port", str(PORT)], stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL, start_new_session=True)
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end and process.poll() is None:
-        if _answers():
+        if _viewer_answers():
             return
         time.sleep(0.1)
     raise SceneError(Problem("view", f"the rerun viewer did not start; {INSTEAD}"))

@@ -22,18 +22,18 @@ PALETTE = {"cloth": [(0.62, 0.075, 0.045), (0.80, 0.30, 0.025), (0.50, 0.04, 0.1
            "plain": [(0.20, 0.30, 0.42), (0.30, 0.38, 0.33), (0.36, 0.30, 0.40)]}
 
 
-def palette(kind: str, number: int) -> tuple[float, float, float]:
+def palette_colour(kind: str, number: int) -> tuple[float, float, float]:
     """Linear colour of the number-th prim of a kind: a key of PALETTE."""
     colors = PALETTE[kind]
     return colors[number % len(colors)]
 
 
 @dataclass
-class Look:
+class MeshLook:
     """One mesh as a picture needs it: what does not change when it moves."""
 
     triangles: np.ndarray                                     # (t, 3) int32
-    colors: np.ndarray = field(default_factory=lambda: np.array([palette("cloth", 0)]))    # linear, (k, 3)
+    colors: np.ndarray = field(default_factory=lambda: np.array([palette_colour("cloth", 0)]))  # linear, (k, 3)
     color_of: np.ndarray = None     # type: ignore[assignment]  # colour of each corner, (t, 3); None: all the first
     normal_of: np.ndarray = None    # type: ignore[assignment]  # normal of each corner, (t, 3); None: that of its point
     path: str = ""
@@ -48,22 +48,22 @@ class Look:
 
     def normals(self, points: np.ndarray) -> np.ndarray:
         """Unit normals (k, 3) that normal_of points at, for points (n, 3)."""
-        faces = np.repeat(topology.normals(points, self.triangles), 3, axis=0)
+        faces = np.repeat(topology.area_normals(points, self.triangles), 3, axis=0)
         group = self.normal_of.ravel()
         total = np.stack([np.bincount(group, faces[:, k], int(group.max(initial=-1)) + 1) for k in range(3)], axis=1)
         length = np.linalg.norm(total, axis=1, keepdims=True)
         return np.divide(total, length, out=np.tile([0.0, 0.0, 1.0], (len(total), 1)), where=length > 0)
 
 
-def smoothing(points: np.ndarray, triangles: np.ndarray, crease: float = CREASE) -> np.ndarray:
+def smoothing_groups(points: np.ndarray, triangles: np.ndarray, crease: float = CREASE) -> np.ndarray:
     """Group of each corner, (t, 3) int32: corners of a group share a normal. Points at equal places count as one.
 
     crease: largest angle [rad] between neighbouring triangles that are shaded as one surface; pi: everything is smooth.
     """
-    places = topology.distinct(np.asarray(points, np.float64))[1][triangles]              # (t, 3)
+    places = topology.distinct_rows(np.asarray(points, np.float64))[1][triangles]         # (t, 3)
     if crease >= np.pi:
         return places.astype(np.int32)
-    normal = topology.normals(points, triangles)
+    normal = topology.area_normals(points, triangles)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     start, end = places, np.roll(places, -1, axis=1)                                       # side k: corners k, k + 1
     key = (np.minimum(start, end) * (int(places.max(initial=0)) + 1) + np.maximum(start, end)).ravel()
@@ -76,4 +76,4 @@ def smoothing(points: np.ndarray, triangles: np.ndarray, crease: float = CREASE)
     a, b = a[near], b[near]
     following = np.arange(triangles.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()
     links = np.concatenate([np.stack([a, following[b]], 1), np.stack([following[a], b], 1)])
-    return topology.islands(triangles.size, links).reshape(-1, 3)
+    return topology.labels_of_islands(triangles.size, links).reshape(-1, 3)

@@ -15,18 +15,18 @@ from pathlib import Path
 
 import numpy as np
 
-from wsim.geometry.tetra.tets import surface
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.tetra.tets import tet_surface_triangles
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Cloth, Collider, Plane, Scene, Shape, Soft, Springs, Surface, samples
-from wsim.scene.methods import every
-from wsim.scene.nodal.skin import held
-from wsim.scene.solids import row
-from wsim.show.camera import fitted, subjects
-from wsim.show.rerun_log import Eye, Log, Shown, checked, srgb
-from wsim.show.shading import CREASE, Look, palette, smoothing
-from wsim.show.visible import Visible, visible
-from wsim.show.web import Page
-from wsim.usd.result.atomic import replacing
+from wsim.scene.methods import each_method_object
+from wsim.scene.nodal.skin import embed_all_skins
+from wsim.scene.solids import shape_row
+from wsim.show.camera import fit_camera_to_points, subjects_in_view
+from wsim.show.rerun_log import Eye, LoggedMesh, RerunLog, check_recording_path, linear_to_srgb
+from wsim.show.shading import CREASE, MeshLook, palette_colour, smoothing_groups
+from wsim.show.visible import VisibleStage, read_visible_stage
+from wsim.show.web import WebPage
+from wsim.usd.result.atomic import replace_file_atomically
 
 SIDES = 64                       # of round shapes
 AWAY = 4.0                       # a thing so many times farther from the middle than most of them does not steer the view
@@ -43,19 +43,20 @@ class Viewer:
     Raises SceneError when rerun is missing or does not start, OSError when `save` cannot be written.
     """
 
-    def __init__(self, scene: Scene, *, spawn: bool = True, save=None, web: Page | None = None):
+    def __init__(self, scene: Scene, *, spawn: bool = True, save=None, web: WebPage | None = None):
         if not spawn and save is None and web is None:
             raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
-        self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
-        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save, web, self._eye(scene))
-        self.shown = {c.path: Shown(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
-        self.skins = held(scene)
+        self.outlines = {c.path: _outline_of_collider(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
+        self.scene, self.stream = (scene,
+                                   RerunLog(Path(scene.source or "scene").stem, scene.up, save, web, self._eye_at_start(scene)))
+        self.shown = {c.path: LoggedMesh(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
+        self.skins = embed_all_skins(scene)
         for k, soft in enumerate(scene.softs):
-            self.shown |= {look.path: Shown(self.stream, look) for look in _soft_looks(soft, k)}
+            self.shown |= {look.path: LoggedMesh(self.stream, look) for look in _soft_looks(soft, k)}
         self.stream.at(scene.start, 0.0)
-        self.moved = Moved(self.stream, scene)
+        self.moved = MovedShapes(self.stream, scene)
         for collider in scene.colliders:
-            self._collider(collider, collider.motion.at(0.0), 0.0, True)
+            self._send_collider(collider, collider.motion.at(0.0), 0.0, True)
         for body in scene.bodies():
             self._body(body, body.motion.points(body.points, 0.0))
 
@@ -66,21 +67,22 @@ class Viewer:
             self._body(body, sim.positions(body.path))
         poses = sim.poses()
         for collider in self.scene.colliders:
-            self._collider(collider, poses[collider.path], sim.time, False)
+            self._send_collider(collider, poses[collider.path], sim.time, False)
         if self.scene.others:
             self.moved.send(sim.samples())
         self.stream.plot(sim.indicators())
 
-    def _eye(self, scene: Scene) -> Eye | None:
+    def _eye_at_start(self, scene: Scene) -> Eye | None:
         """From where all is seen that is there at the start, and somewhat around it."""
         places = [b.motion.points(b.points, 0.0) for b in scene.bodies()]
         places += [c.motion.points(self.outlines[c.path][0]) for c in scene.colliders if not isinstance(c.shape, Plane)]
-        for _, thing in every(scene):
-            places += [c.motion.points(_shape(c.shape, "", 0)[0]) @ thing.motion.at(0.0)[:3, :3].T + thing.motion.at(0.0)[:3, 3]
+        for _, thing in each_method_object(scene):
+            places += [c.motion.points(_outline_of_collider(c.shape, "", 0)[0]) @ thing.motion.at(0.0)[:3, :3].T
+                       + thing.motion.at(0.0)[:3, 3]
                        for c in getattr(thing, "colliders", ())]
             if hasattr(thing, "low"):                        # a box of cells
                 places.append(np.stack([thing.low, thing.low + thing.cell * np.array(thing.shape)]))
-        return _eye(places, scene.up, ROOM)
+        return _fit_viewer_eye(places, scene.up, ROOM)
 
     def _body(self, body: Cloth | Springs | Soft, points: np.ndarray) -> None:
         if not isinstance(body, Springs):
@@ -90,16 +92,16 @@ class Viewer:
                 if skin.body == body.path and path in self.shown:
                     self.shown[path].send(skin.of(points))
             return
-        color = srgb(np.array([palette("springs", self.scene.springs.index(body))]))
+        color = linear_to_srgb(np.array([palette_colour("springs", self.scene.springs.index(body))]))
         lines = self.stream.rr.LineStrips3D(points[body.edges].astype(np.float32), colors=color)
         self.stream.stream.log("world" + body.path, lines)
 
-    def _collider(self, collider: Collider, pose: np.ndarray, seconds: float, first: bool) -> None:
+    def _send_collider(self, collider: Collider, pose: np.ndarray, seconds: float, first: bool) -> None:
         """Its triangles once, or each time where they deform; its pose as a transform, which no path below takes."""
         points, look = self.outlines[collider.path]
         curve = collider.shape.poses if isinstance(collider.shape, Surface) else None
         if first:
-            self.shown[collider.path] = Shown(self.stream, look)
+            self.shown[collider.path] = LoggedMesh(self.stream, look)
         if first or curve:
             self.shown[collider.path].send(np.asarray(curve.at(seconds), float) if curve else points)
         if first or collider.motion.moves:
@@ -111,41 +113,41 @@ class Viewer:
         self.stream.close()
 
 
-class Moved:
+class MovedShapes:
     """The things of a log that methods move besides points: rigid bodies by the shapes of their colliders, instances,
     particles, smoke.
 
     Shapes are sent once, at the start, and below them a transform a frame; particles and smoke are spheres of each frame.
     """
 
-    def __init__(self, log: Log, scene: Scene):
+    def __init__(self, log: RerunLog, scene: Scene):
         self.log = log
-        self.things = {thing.path: thing for _, thing in every(scene) if getattr(thing, "colliders", None)}
+        self.things = {thing.path: thing for _, thing in each_method_object(scene) if getattr(thing, "colliders", None)}
         self.instances = {(thing.instancer, thing.instance): path for path, thing in self.things.items()
                           if getattr(thing, "instancer", "")}
         self.poses: dict[str, np.ndarray] = {}
         for number, (path, thing) in enumerate(self.things.items()):
             for k, collider in enumerate(thing.colliders):
-                points, look = _shape(collider.shape, f"{path}/shape/{k}", number, "soft")
-                Shown(log, look).send(collider.motion.points(points))
+                points, look = _outline_of_collider(collider.shape, f"{path}/shape/{k}", number, "soft")
+                LoggedMesh(log, look).send(collider.motion.points(points))
             self._place(path, thing.motion.at(0.0))
 
     def send(self, found: list[samples.Sample]) -> None:
         """The samples of a frame, by `Simulation.samples`."""
         for each in found:
-            if isinstance(each, samples.Transform) and each.path in self.things:
+            if isinstance(each, samples.TransformSample) and each.path in self.things:
                 pose, stretch = each.matrix.copy(), getattr(self.things[each.path], "stretch", None)
                 if stretch is not None:                      # it has gone into the colliders
                     pose[:3, :3] = pose[:3, :3] @ np.linalg.inv(stretch)
                 self._place(each.path, pose)
-            elif isinstance(each, samples.Instances):
+            elif isinstance(each, samples.InstanceSample):
                 for number, moved in zip(each.numbers.tolist(), each.matrices, strict=True):
                     if path := self.instances.get((each.path, number)):
                         self._place(path, moved @ self.things[path].motion.at(0.0))
-            elif isinstance(each, samples.Particles):
-                self.log.beads(each.path, each.positions, 0.5 * each.widths, np.array(palette("soft", 0)))
-            elif isinstance(each, samples.Volume) and "density" in each.fields:
-                self._smoke(each)
+            elif isinstance(each, samples.ParticleSample):
+                self.log.log_beads(each.path, each.positions, 0.5 * each.widths, np.array(palette_colour("soft", 0)))
+            elif isinstance(each, samples.VolumeSample) and "density" in each.fields:
+                self._send_smoke(each)
 
     def _place(self, path: str, pose: np.ndarray) -> None:
         """A pose holds until the next one: what rests sends nothing."""
@@ -155,20 +157,21 @@ class Moved:
         transform = self.log.rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
         self.log.stream.log(f"world{path}/shape", transform)
 
-    def _smoke(self, box: samples.Volume) -> None:
-        from wsim.show.smoke.read import ALBEDO, DENSE, Density, beads
+    def _send_smoke(self, box: samples.VolumeSample) -> None:
+        from wsim.show.smoke.read import ALBEDO, DENSE, SmokeDensity, smoke_beads
         values = np.maximum(np.asarray(box.fields["density"], np.float32), 0.0)
         world = np.diag([box.cell, box.cell, box.cell, 1.0])
         world[:3, 3] = box.low + 0.5 * box.cell
         extinction = DENSE / (box.cell * max(values.shape))
-        places, radii = beads(Density(values, world), extinction) if values.any() else (np.zeros((0, 3)), np.zeros(0))
-        self.log.beads(box.path + samples.VOLUME, places, radii, np.array(ALBEDO))
+        places, radii = smoke_beads(SmokeDensity(values, world), extinction) if values.any() else (np.zeros((0, 3)),
+                                                                                                   np.zeros(0))
+        self.log.log_beads(box.path + samples.VOLUME, places, radii, np.array(ALBEDO))
 
 
-def _eye(places: list[np.ndarray], up: str, room: float = 0.0) -> Eye | None:
+def _fit_viewer_eye(places: list[np.ndarray], up: str, room: float = 0.0) -> Eye | None:
     """Where the eye of a viewer is, and what it looks at [m]: as a picture has it, of places (n, 3) of each thing and room
     around them, a part of their size; None where there are none."""
-    chosen = [places[k] for k in subjects(places)]
+    chosen = [places[k] for k in subjects_in_view(places)]
     if not chosen:
         return None
     middles = np.array([0.5 * (p.min(axis=0) + p.max(axis=0)) for p in chosen])
@@ -178,80 +181,80 @@ def _eye(places: list[np.ndarray], up: str, room: float = 0.0) -> Eye | None:
     low, high = np.min([p.min(axis=0) for p in chosen], axis=0), np.max([p.max(axis=0) for p in chosen], axis=0)
     pad = room * float(np.linalg.norm(high - low))
     ends = np.stack([low - pad, high + pad])
-    camera = fitted(np.array(np.meshgrid(*ends.T)).reshape(3, -1).T, up, ASPECT)
+    camera = fit_camera_to_points(np.array(np.meshgrid(*ends.T)).reshape(3, -1).T, up, ASPECT)
     center = 0.5 * (low + high)
     target = camera.eye + float((center - camera.eye) @ camera.forward) * camera.forward
     return target + CLOSER * (camera.eye - target), target
 
 
-def view(result_path, save=None, web: Page | None = None, served: Callable[[], object] = lambda: None) -> None:
+def view(result_path, save=None, web: WebPage | None = None, served: Callable[[], object] = lambda: None) -> None:
     """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`, or serves it as a web page
     `web` until `served`, which is called when all is there, returns.
 
     Energy and strain are plotted where the stage can be read as a scene of wsim. Raises SceneError, OSError.
     """
-    seen = visible(result_path)
+    seen = read_visible_stage(result_path)
     if save is None:
-        log = _show(seen, result_path, None, web)
+        log = _log_whole_stage(seen, result_path, None, web)
         if web is not None:
             served()
         log.close()
         return
-    with replacing(checked(Path(save))) as whole:
-        _show(seen, result_path, whole).close()
+    with replace_file_atomically(check_recording_path(Path(save))) as whole:
+        _log_whole_stage(seen, result_path, whole).close()
 
 
-def _show(seen: Visible, result_path, save: Path | None, web: Page | None = None) -> Log:
-    from wsim.show.plots import Measures
+def _log_whole_stage(seen: VisibleStage, result_path, save: Path | None, web: WebPage | None = None) -> RerunLog:
+    from wsim.show.plots import ResultMeasures
 
     ends = dict.fromkeys((seen.times[0], seen.times[-1]))
     places = [np.concatenate([d.points(t) for t in ends]) for d in seen.drawn]
-    log = Log(Path(result_path).stem, seen.up, save, web,
-              _eye([*places, *(s.corners(seen.times[0]) for s in seen.smoke)], seen.up))
-    meshes = [(Shown(log, d.look), d) for d in seen.drawn]
-    measures = Measures.of(seen)
+    log = RerunLog(Path(result_path).stem, seen.up, save, web,
+                   _fit_viewer_eye([*places, *(s.corners(seen.times[0]) for s in seen.smoke)], seen.up))
+    meshes = [(LoggedMesh(log, d.look), d) for d in seen.drawn]
+    measures = ResultMeasures.of(seen)
     for t in seen.times:
         log.at(t, (t - seen.times[0]) / seen.fps)
         for shown, d in meshes:
             if not shown.started or d.moves or d.colors:
                 shown.send(d.points(t), d.colors(t) if d.colors else None)
         for smoke in seen.smoke:
-            log.beads(smoke.path, *_beads(smoke, t), smoke.albedo)
+            log.log_beads(smoke.path, *_smoke_beads_at(smoke, t), smoke.albedo)
         if measures:
             log.plot(measures.at(t))
     return log
 
 
-def _beads(smoke, t: float) -> tuple[np.ndarray, np.ndarray]:
-    from wsim.show.smoke.read import beads
+def _smoke_beads_at(smoke, t: float) -> tuple[np.ndarray, np.ndarray]:
+    from wsim.show.smoke.read import smoke_beads
     density = smoke.at(t)
-    return (np.zeros((0, 3)), np.zeros(0)) if density is None else beads(density, smoke.extinction)
+    return (np.zeros((0, 3)), np.zeros(0)) if density is None else smoke_beads(density, smoke.extinction)
 
 
-def _cloth_look(cloth: Cloth, number: int) -> Look:
-    triangles, _ = triangulate(cloth.points, cloth.counts, cloth.indices)
-    groups = smoothing(cloth.points, triangles, np.pi)
-    return Look(triangles, np.array([palette("cloth", number)]), normal_of=groups, path=cloth.path)
+def _cloth_look(cloth: Cloth, number: int) -> MeshLook:
+    triangles, _ = triangulate_polygons(cloth.points, cloth.counts, cloth.indices)
+    groups = smoothing_groups(cloth.points, triangles, np.pi)
+    return MeshLook(triangles, np.array([palette_colour("cloth", number)]), normal_of=groups, path=cloth.path)
 
 
-def _soft_looks(soft: Soft, number: int) -> list[Look]:
+def _soft_looks(soft: Soft, number: int) -> list[MeshLook]:
     """How a soft body is drawn: by its skins, as far as they have faces, else by the surface of its tets."""
-    color, looks = np.array([palette("soft", number)]), []
+    color, looks = np.array([palette_colour("soft", number)]), []
     for skin in soft.skins:
-        triangles, _ = triangulate(skin.points, skin.counts, skin.indices)
+        triangles, _ = triangulate_polygons(skin.points, skin.counts, skin.indices)
         if len(triangles):
-            looks.append(Look(triangles, color, normal_of=smoothing(skin.points, triangles, CREASE), path=skin.path))
-    triangles = surface(soft.tets)
-    return looks or [Look(triangles, color, normal_of=smoothing(soft.points, triangles, CREASE), path=soft.path)]
+            looks.append(MeshLook(triangles, color, normal_of=smoothing_groups(skin.points, triangles, CREASE), path=skin.path))
+    triangles = tet_surface_triangles(soft.tets)
+    return looks or [MeshLook(triangles, color, normal_of=smoothing_groups(soft.points, triangles, CREASE), path=soft.path)]
 
 
-def _shape(shape: Shape, path: str, number: int, kind: str = "collider") -> tuple[np.ndarray, Look]:
+def _outline_of_collider(shape: Shape, path: str, number: int, kind: str = "collider") -> tuple[np.ndarray, MeshLook]:
     """Points [m] in the collider's frame and how they are drawn."""
     if isinstance(shape, Surface):
         points = shape.points.astype(float)
-        triangles, _ = triangulate(points, shape.counts, shape.indices)
+        triangles, _ = triangulate_polygons(points, shape.counts, shape.indices)
     else:
-        solid = row(shape)
+        solid = shape_row(shape)
         points, triangles = solid.outline(solid.given(shape), SIDES)
-    colors = np.array([palette(kind, number)])
-    return points, Look(triangles, colors, normal_of=smoothing(points, triangles, CREASE), path=path)
+    colors = np.array([palette_colour(kind, number)])
+    return points, MeshLook(triangles, colors, normal_of=smoothing_groups(points, triangles, CREASE), path=path)

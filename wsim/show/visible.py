@@ -5,7 +5,7 @@ Drawn are Mesh, TetMesh (its surface, unless meshes of its soft body are seen in
 the mesh is cut), else their display colours, else the diffuse colour of that material, else a palette by what they
 are; volumes with an OpenVDB density are smoke. Skinned meshes move with their skeleton.
 Guides and proxies are drawn only where a stage shows nothing else, domains of fluids never. Point instancers are not drawn, and
-`Visible.notes` says so.
+`VisibleStage.notes` says so.
 """
 
 import os
@@ -18,71 +18,71 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
 
 from wsim.scene import Problem, SceneError
-from wsim.show.prim import Drawn, drawn_by, matrix, moves, triangulated
+from wsim.show.prim import DrawnPrim, drawn_by, prim_to_world_matrix, shape_is_animated, triangulate_prim
 from wsim.show.shading import PALETTE
 from wsim.usd import names
 from wsim.usd.prims.surface import OF
-from wsim.usd.stage import applied, reason, unfinished
+from wsim.usd.stage import applied_schemas, read_unfinished_layer, usd_error_text
 
 if TYPE_CHECKING:
-    from wsim.show.smoke.read import Smoke
+    from wsim.show.smoke.read import SmokeVolume
 
 
 @dataclass
-class Visible:
+class VisibleStage:
     """A stage as it is seen. `floor(time code)` is the height [m] of its highest level plane, None if it has none."""
 
     stage: Usd.Stage                                      # kept: the functions below read it
     up: str                                               # "Y" or "Z"
     fps: float                                            # time codes a second
     times: list[float]                                    # time codes of the frames
-    drawn: list[Drawn]
+    drawn: list[DrawnPrim]
     floor: Callable[[float], float] | None = None
     cameras: dict[str, Callable[[float], Gf.Camera]] = field(default_factory=dict)   # in stage units
     meters: float = 1.0                                   # [m] of a stage unit
     notes: list[str] = field(default_factory=list)
-    smoke: list["Smoke"] = field(default_factory=list)
+    smoke: list["SmokeVolume"] = field(default_factory=list)
 
 
-def open_stage(path) -> Usd.Stage:
+def open_composed_stage(path) -> Usd.Stage:
     """The composed stage of a file. FileNotFoundError, or SceneError when it is no USD file."""
     if not Path(path).is_file():
         raise FileNotFoundError(f"{path}: no such file; give a .usd, .usda, .usdc or .usdz file")
     try:
-        return Usd.Stage.Open(unfinished(str(path)) or str(path))
+        return Usd.Stage.Open(read_unfinished_layer(str(path)) or str(path))
     except OSError as error:
         raise SceneError(Problem(str(path), f"cannot be read: {error}")) from None
     except Tf.ErrorException as error:
-        raise SceneError(Problem(str(path), f"not a readable USD stage ({reason(error)}); give a USD file")) from None
+        raise SceneError(Problem(str(path), f"not a readable USD stage ({usd_error_text(error)}); give a USD file")) from None
 
 
-def visible(path) -> Visible:
+def read_visible_stage(path) -> VisibleStage:
     """All that a stage shows. Raises SceneError naming the prim when a mesh is broken or nothing can be drawn."""
-    stage = open_stage(path)
+    stage = open_composed_stage(path)
     up = str(UsdGeom.GetStageUpAxis(stage))
     meters = UsdGeom.GetStageMetersPerUnit(stage)
-    _skin(stage)
-    prims, notes = _prims(stage)
-    prims, smoke = _smoke(prims, os.path.dirname(os.path.abspath(path)), meters, notes)
+    _bake_skinning(stage)
+    prims, notes = _visible_prims(stage)
+    prims, smoke = _separate_smoke_volumes(prims, os.path.dirname(os.path.abspath(path)), meters, notes)
     solid = [p for p in prims if p.IsA(UsdGeom.Gprim) or drawn_by(p)]
-    shown = [p for p in solid if _purpose(p) in ("default", "render")]
+    shown = [p for p in solid if _imageable_purpose(p) in ("default", "render")]
     planes = [p for p in prims if p.IsA(UsdGeom.Plane)]
     shown = shown or solid
-    times = _times(stage, shown, sorted({t for each in smoke for t in each.times}))
+    times = _time_codes_of_stage(stage, shown, sorted({t for each in smoke for t in each.times}))
     level = [p for p in planes if _is_level(p, up, times[0])]
     drawn = _all_drawn(_without_cages([p for p in shown if p not in level]), times[0], meters)
     if not drawn and not level and not smoke:
         raise SceneError(Problem(str(path), "nothing visible to draw; it needs a mesh, curves, points or a shape"))
-    floor = None
+    floor_height_at = None
     if level:
         index = "XYZ".index(up)
-        def floor(t: float) -> float:
-            return meters * max(matrix(p, t)[index, 3] for p in level)
+        def floor_height_at(t: float) -> float:
+            return meters * max(prim_to_world_matrix(p, t)[index, 3] for p in level)
     cameras = {str(p.GetPath()): UsdGeom.Camera(p).GetCamera for p in prims if p.IsA(UsdGeom.Camera)}
-    return Visible(stage, up, stage.GetTimeCodesPerSecond(), times, drawn, floor, cameras, meters, notes, smoke)
+    return VisibleStage(stage, up, stage.GetTimeCodesPerSecond(), times, drawn, floor_height_at, cameras, meters, notes, smoke)
 
 
-def _prims(stage: Usd.Stage) -> tuple[list[Usd.Prim], list[str]]:
+def _visible_prims(stage: Usd.Stage) -> tuple[list[Usd.Prim], list[str]]:
     """Visible prims of the stage, instances too, and what is left out."""
     found, notes = [], []
     walk = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
@@ -98,11 +98,11 @@ def _prims(stage: Usd.Stage) -> tuple[list[Usd.Prim], list[str]]:
     return found, notes
 
 
-def _purpose(prim: Usd.Prim) -> str:
+def _imageable_purpose(prim: Usd.Prim) -> str:
     return str(UsdGeom.Imageable(prim).ComputePurpose())
 
 
-def _skin(stage: Usd.Stage) -> None:
+def _bake_skinning(stage: Usd.Stage) -> None:
     """Turns skinned meshes into points over time, in the session layer only."""
     roots = [p for p in stage.Traverse() if p.IsA(UsdSkel.Root)]
     if roots:
@@ -111,19 +111,21 @@ def _skin(stage: Usd.Stage) -> None:
                 UsdSkel.BakeSkinning(UsdSkel.Root(root), Gf.Interval(stage.GetStartTimeCode(), stage.GetEndTimeCode()))
 
 
-def _smoke(prims: list[Usd.Prim], folder: str, meters: float, notes: list[str]) -> tuple[list[Usd.Prim], list["Smoke"]]:
+def _separate_smoke_volumes(prims: list[Usd.Prim], folder: str, meters: float, notes: list[str]) -> tuple[list[Usd.Prim],
+                                                                                                          list["SmokeVolume"]]:
     """The prims without volumes and domains of fluids; the volumes that are smoke."""
     volumes = [p for p in prims if p.GetTypeName() == "Volume"]
-    others = [p for p in prims if p.GetTypeName() != "Volume" and not {names.WSIM_DOMAIN, names.WSIM_LIQUID} & set(applied(p))]
+    others = [p for p in prims if p.GetTypeName() != "Volume"
+              and not {names.WSIM_DOMAIN, names.WSIM_LIQUID} & set(applied_schemas(p))]
     if not volumes:
         return others, []
-    from wsim.show.smoke.read import smoke
-    return others, [found for p in volumes if (found := smoke(p, folder, meters, notes))]
+    from wsim.show.smoke.read import read_smoke_volume
+    return others, [found for p in volumes if (found := read_smoke_volume(p, folder, meters, notes))]
 
 
-def _times(stage: Usd.Stage, prims: list[Usd.Prim], volumes: list[float]) -> list[float]:
+def _time_codes_of_stage(stage: Usd.Stage, prims: list[Usd.Prim], volumes: list[float]) -> list[float]:
     """Whole time codes of the authored range, else of the samples of points and volumes; one if nothing moves."""
-    if not any(moves(p) for p in prims) and len(volumes) < 2:
+    if not any(shape_is_animated(p) for p in prims) and len(volumes) < 2:
         return [stage.GetStartTimeCode()]
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if not stage.HasAuthoredTimeCodeRange():
@@ -135,34 +137,35 @@ def _times(stage: Usd.Stage, prims: list[Usd.Prim], volumes: list[float]) -> lis
 
 def _is_level(prim: Usd.Prim, up: str, time: float) -> bool:
     """Whether a plane faces up, so that the picture's ground can stand for it."""
-    normal = matrix(prim, time)[:3, "XYZ".index(str(UsdGeom.Plane(prim).GetAxisAttr().Get()))]
+    normal = prim_to_world_matrix(prim, time)[:3, "XYZ".index(str(UsdGeom.Plane(prim).GetAxisAttr().Get()))]
     return normal["XYZ".index(up)] > 0.9999 * np.linalg.norm(normal)
 
 
 def _soft_body(prim: Usd.Prim) -> Usd.Prim | None:
     """The soft body that a prim belongs to: the deformable body at or above it, if that is simulated by tets."""
     while prim and not prim.IsPseudoRoot():
-        if names.BODY in applied(prim):
-            return prim if any(names.VOLUME_SIM in applied(p) for p in (prim, *prim.GetChildren())) else None
+        if names.BODY in applied_schemas(prim):
+            return prim if any(names.VOLUME_SIM in applied_schemas(p) for p in (prim, *prim.GetChildren())) else None
         prim = prim.GetParent()
     return None
 
 
-def _collides(prim: Usd.Prim) -> bool:
+def _has_active_collision(prim: Usd.Prim) -> bool:
     enabled = prim.GetAttribute("physics:collisionEnabled")
-    return names.COLLISION in applied(prim) and not (enabled and enabled.Get() is False)
+    return names.COLLISION in applied_schemas(prim) and not (enabled and enabled.Get() is False)
 
 
 def _without_cages(prims: list[Usd.Prim]) -> list[Usd.Prim]:
     """The prims but for the tets of soft bodies that are seen by their skins. (What collides by itself is no skin.)"""
-    skinned = {body.GetPath() for p in prims if p.IsA(UsdGeom.Mesh) and (body := _soft_body(p)) and not _collides(p)}
+    skinned = {body.GetPath() for p in prims if p.IsA(UsdGeom.Mesh) and (body := _soft_body(p))
+               and not _has_active_collision(p)}
     return [p for p in prims
             if not (p.IsA(UsdGeom.TetMesh) and (body := _soft_body(p)) and body.GetPath() in skinned)]
 
 
-def _kind(prim: Usd.Prim) -> str:
+def _simulated_kind(prim: Usd.Prim) -> str:
     """What a prim is in a simulation, by its applied schemas, known to USD or not."""
-    schemas = applied(prim)
+    schemas = applied_schemas(prim)
     if prim.IsA(UsdGeom.BasisCurves):
         return "springs"
     if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.PointBased) and (_soft_body(prim) or prim.GetCustomDataByKey(OF)):
@@ -175,14 +178,14 @@ def _kind(prim: Usd.Prim) -> str:
     return "cloth" if samples else "plain"
 
 
-def _all_drawn(prims: list[Usd.Prim], time: float, meters: float) -> list[Drawn]:
-    kinds = {prim.GetPath(): _kind(prim) for prim in prims}
+def _all_drawn(prims: list[Usd.Prim], time: float, meters: float) -> list[DrawnPrim]:
+    kinds = {prim.GetPath(): _simulated_kind(prim) for prim in prims}
     if not {"cloth", "springs", "soft"} & set(kinds.values()):     # nothing else to look at: shapes get the warm colours
         kinds = {path: "cloth" if kind == "plain" else kind for path, kind in kinds.items()}
     drawn, numbers = [], dict.fromkeys(PALETTE, 0)
     for prim in prims:
         kind = kinds[prim.GetPath()]
-        one = triangulated(prim, kind, numbers[kind], time, meters)
+        one = triangulate_prim(prim, kind, numbers[kind], time, meters)
         if one is not None:
             drawn.append(one)
             numbers[kind] += 1

@@ -30,7 +30,7 @@ GUARD = 'exec 3<&0; "$@" & p=$!; { read -r _ <&3; kill 0; } & wait $p'
 
 
 @dataclass(frozen=True)
-class Page:
+class WebPage:
     """A page to serve: its port (the next one is that of its data), and the IP address on which both listen."""
 
     port: int = PORT
@@ -77,14 +77,14 @@ class Page:
                 try:
                     probe.bind((self.bind, port))
                 except OSError as error:
-                    if not _own(self.bind, family):
+                    if not _is_own_address(self.bind, family):
                         raise SceneError(Problem("--bind", f"{self.bind} is no address of this machine ({error.strerror}); "
                                                  "give one that is, or leave it out")) from None
                     raise SceneError(Problem("--port", f"port {port} is not free ({error.strerror}); the page takes --port N, "
                                              f"what it shows N + 1: give another N (now {self.port})")) from None
 
 
-def _own(bind: str, family: int) -> bool:
+def _is_own_address(bind: str, family: int) -> bool:
     with socket.socket(family) as probe:
         try:
             probe.bind((bind, 0))
@@ -93,19 +93,19 @@ def _own(bind: str, family: int) -> bool:
     return True
 
 
-def stay(say: Callable[[str], None], words: str = "") -> float:
+def serve_until_interrupt(say: Callable[[str], None], words: str = "") -> float:
     """Says so, and serves until Ctrl-C; seconds that that took."""
     began = perf_counter()
-    interrupt.begin("throw")
+    interrupt.set_interrupt_mode("throw")
     say(f"{words}view: Ctrl-C ends it")
-    interrupt.wait()
+    interrupt.wait_for_interrupt()
     return perf_counter() - began
 
 
-class Server:
+class RerunServer:
     """The page and its data, served by rerun's program `program` until `close`. Raises SceneError where it does not start."""
 
-    def __init__(self, program: str, page: Page):
+    def __init__(self, program: str, page: WebPage):
         page.check()
         command = [program, "--serve-web", "--bind", page.bind, "--port", str(page.port + 1), "--web-viewer-port",
                    str(page.port), "--server-memory-limit", MEMORY]
@@ -127,7 +127,7 @@ class Server:
     def _wait(self, *ports: int) -> None:
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end and self.process.poll() is None:
-            if all(_answers(self.host, port) for port in ports):
+            if all(_port_answers(self.host, port) for port in ports):
                 return
             time.sleep(0.05)
         raise SceneError(Problem("--web", "the server of rerun did not start; write a file instead (wsim view RESULT -o "
@@ -141,7 +141,7 @@ class Server:
         self.process.wait()
 
 
-def _answers(host: str, port: int) -> bool:
+def _port_answers(host: str, port: int) -> bool:
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
         probe.settimeout(0.2)
         return probe.connect_ex((host, port)) == 0

@@ -11,7 +11,7 @@
     block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN, those of a CPU that packets do
                                 not take ALONE
     rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by its weight
-    newton, solved              a Newton step of soft bodies, a tet in it; of a GPU `iterated` besides
+    newton, solved              a Newton step of soft bodies, a tet in it; of a GPU `cluster_solves_bodies` besides
     assembled                   a constraint, by its weight, in a Newton step of sheets
     gradient, conjugate         such a step, and a point in it, times the root of omega h, as the iterations of its solve go;
     iterated                    instead of both where a cluster of blocks iterates
@@ -20,7 +20,8 @@
     mesh, wide                  a search of a mesh in a substep; a point beside one, by the seconds of a substep: it looks as
                                 far as it goes
     surfaces, surfaced          what self-contact adds to a substep, and a point in it, where something is near (else nothing)
-    met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
+    met, damped, body           what a frame is said to take besides (`count_frame_of_choice`), which no choice depends on: a
+    point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
@@ -45,9 +46,9 @@ import numpy as np
 
 from wsim.model import kernel_cache
 from wsim.model.model import Model
-from wsim.physics.cloth.kind import SPRINGS, row
+from wsim.physics.cloth.kind import SPRINGS, kind_row
 from wsim.scene import Soft, Surface
-from wsim.scene.methods import every, loads_of_bodies, touches
+from wsim.scene.methods import each_method_object, has_self_collision, loads_on_deformables
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -101,120 +102,124 @@ OTHERS = "Rods", "Body", "Fluid", "Liquid", "Source", "LiquidSource", "Joint", "
 RATE = 8.0             # root of omega h of soft bodies where it is not known
 
 
-def seconds(model: Model, counted: dict[str, float]) -> float:
+def seconds_of_counts(model: Model, counted: dict[str, float]) -> float:
     """Time that so much takes on the model's device [s]."""
     costs = COSTS["cuda" if model.device.is_cuda else "cpu"]
     return sum(times * costs[name] for name, times in counted.items())
 
 
-def explicit(model: Model, n: int) -> dict[str, float]:
+def count_explicit_frame(model: Model, n: int) -> dict[str, float]:
     """Counts of a frame of n substeps of leapfrog."""
-    springs, work, kinds = _constraints(model)
-    tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs or touches(model.scene))
+    springs, work, kinds = _count_soft_constraints(model)
+    tets, simple = (_weighted_number_of_tets(model, 0),
+                    not (model.scene.colliders or model.scene.softs or work > springs or has_self_collision(model.scene)))
     damped = any(r.tau for r in model.constraints)
     blown = any(cloth.feels_air for cloth in model.scene.cloths)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
-    if marched(model, kinds):
-        from wsim.physics.fused.domains import few
+    if blocks_take_whole_frames(model, kinds):
+        from wsim.physics.motion.fused.domain_decomposition import few_block_points
         limited = any(r.kind == "limit" for r in model.constraints)
-        blocks = CLUSTER if model.points <= few(limited) * CLUSTER else GRID
+        blocks = CLUSTER if model.points <= few_block_points(limited) * CLUSTER else GRID
         sends = n * (blocks == GRID)
         return {"sheet": n, "sent": sends * (1 + (damped or blown)), "shared": n * (work + SHARED_TET * tets) / blocks,
-                "limited": (n + sends) * limited, **_struck(model, n)}
-    if packed(model, kinds):
+                "limited": (n + sends) * limited, **_count_colliders_of_blocks(model, n)}
+    if all_elements_are_packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.feels_air for c in scene.cloths)
-        within = aired or scene.colliders or _hard(model) or any(p.stiffness < inf for p in scene.pins)
+        within = aired or scene.colliders or _any_hard_constraint(model) or any(p.stiffness < inf for p in scene.pins)
         return {"step": n, "packed": n * work, "beside": n * model.points * bool(within), "aired": aired,
-                **_contacts(model, n, 1)}
-    others = sum(row(kind).gather != SPRINGS for kind in kinds)
+                **_count_contact_work(model, n, 1)}
+    others = sum(kind_row(kind).gather != SPRINGS for kind in kinds)
     return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs), "blown": n * blown,
-            "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
+            "block": n * bool(tets), "tet": n * tets, **_count_contact_work(model, n, 1)}
 
 
-def marched(model: Model, kinds: set[str]) -> bool:
-    """True if blocks of a GPU share sheets and soft bodies and take whole frames: see `wsim.physics.fused.domains`."""
+def blocks_take_whole_frames(model: Model, kinds: set[str]) -> bool:
+    """True if blocks of a GPU share sheets and soft bodies and take whole frames: see
+    `wsim.physics.motion.fused.domain_decomposition`."""
     if not model.device.is_cuda:
         return False
-    from wsim.physics.fused.domains import KINDS, SHARED, takes
+    from wsim.physics.motion.fused.domain_decomposition import KINDS, SHARED, blocks_take_acts
     scene = model.scene
     apart = any(s.quadratic or s.pressure or any(m.yield_strain < inf for m in s.materials) for s in scene.softs)
-    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and takes(model)
-            and not (apart or touches(scene)) and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1
-            and not model.gradients)
+    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and blocks_take_acts(model)
+            and not (apart or has_self_collision(scene)) and model.points <= SHARED and model.dtype is np.float32
+            and model.worlds == 1 and not model.gradients)
 
 
-def _struck(model: Model, n: int) -> dict[str, float]:
+def _count_colliders_of_blocks(model: Model, n: int) -> dict[str, float]:
     """Costs that colliders add to substeps of sheets that blocks share."""
     meshes = sum(isinstance(c.shape, Surface) for c in model.scene.colliders)
     convex = len(model.scene.colliders) - meshes
     return {"struck": n * bool(convex), "tried": n * convex, "faced": n * meshes}
 
 
-def packed(model: Model, kinds: set[str]) -> bool:
+def all_elements_are_packed(model: Model, kinds: set[str]) -> bool:
     """True if explicit steps take all elements in packets."""
-    apart = model.device.is_cuda or model.gradients or model.scene.softs or loads_of_bodies(model.scene)
-    return bool(kinds) and not apart and all(row(kind).packets for kind in kinds)
+    apart = model.device.is_cuda or model.gradients or model.scene.softs or loads_on_deformables(model.scene)
+    return bool(kinds) and not apart and all(kind_row(kind).packets for kind in kinds)
 
 
-def sweeps(model: Model, n: int, iterations: int) -> dict[str, float]:
+def count_sweeps_frame(model: Model, n: int, iterations: int) -> dict[str, float]:
     """Counts of a frame of n substeps of coloured XPBD."""
-    springs, work, kinds = _constraints(model)
+    springs, work, kinds = _count_soft_constraints(model)
     work = springs + (work - springs) * (ELEMENT if model.device.is_cuda else 1.0)
     return {"rest": n, "sweep": n * iterations * len(kinds), "projection": n * iterations * work,
-            **_contacts(model, n, iterations)}
+            **_count_contact_work(model, n, iterations)}
 
 
-def newton(model: Model, n: int, iterations: int, omega: float = 0.0) -> dict[str, float]:
+def count_newton_of_soft_bodies(model: Model, n: int, iterations: int, omega: float = 0.0) -> dict[str, float]:
     """Counts of a frame of n systems of soft bodies, and of sheets that share their points, of so many Newton steps each.
     omega: the highest frequency [rad/s], 0: not known."""
-    times, (_, work, _) = n * iterations, _constraints(model)
-    rate = sqrt(max(1.0, omega / model.scene.fps / n)) if omega and iterated(model) else RATE
-    return {"newton": times, "solved": times * _tets(model, 1), "assembled": times * work, **_contacts(model, n, iterations),
-            **({"iterated": times * rate} if model.device.is_cuda else {})}
+    times, (_, work, _) = n * iterations, _count_soft_constraints(model)
+    rate = sqrt(max(1.0, omega / model.scene.fps / n)) if omega and cluster_solves_bodies(model) else RATE
+    return {"newton": times, "solved": times * _weighted_number_of_tets(model, 1), "assembled": times * work,
+            **_count_contact_work(model, n, iterations), **({"iterated": times * rate} if model.device.is_cuda else {})}
 
 
-def solved(model: Model, n: int, iterations: int, omega: float) -> dict[str, float]:
+def count_newton_of_sheets(model: Model, n: int, iterations: int, omega: float) -> dict[str, float]:
     """Counts of a frame of n systems of sheets and nets, of so many Newton steps each. omega: the highest frequency [rad/s]."""
-    _, work, _ = _constraints(model)
+    _, work, _ = _count_soft_constraints(model)
     times, rate = n * iterations, sqrt(max(1.0, omega / model.scene.fps / n))
-    if iterated(model):
+    if cluster_solves_bodies(model):
         iterations_of = {"iterated": times * rate}
     else:
         iterations_of = {"conjugate": times * rate * model.points, "gradient": times * rate}
     return {"assembled": times * work, **iterations_of,
-            "pressed": (n + times) * bool(model.scene.colliders), **_contacts(model, n, iterations)}
+            "pressed": (n + times) * bool(model.scene.colliders), **_count_contact_work(model, n, iterations)}
 
 
-def iterated(model: Model) -> bool:
-    """True where a cluster of blocks solves for each body: `wsim.physics.fused.conjugate`."""
+def cluster_solves_bodies(model: Model) -> bool:
+    """True where a cluster of blocks solves for each body: `wsim.physics.motion.fused.conjugate`."""
     sizes = np.diff(model.starts)
     return (model.device.is_cuda and model.device.arch >= 90 and sizes.max(initial=0) <= ITERATED
             and CLUSTER * len(sizes) <= model.device.sm_count and not any(r.row.gather == SPRINGS for r in model.constraints))
 
 
-def highest(model: Model) -> float:
+def highest_frequency(model: Model) -> float:
     """The highest frequency of a scene without soft bodies [rad/s]."""
     if model.scene.softs:
         return 0.0
-    from wsim.physics.motion.frequency import bound
-    return bound(model)[0]
+    from wsim.physics.motion.frequency import frequency_bound
+    return frequency_bound(model)[0]
 
 
-def frame(model: Model, choice) -> dict[str, float]:
-    """Counts of a frame of a `wsim.simulation.choice.Choice`, as if all that may touch did."""
+def count_frame_of_choice(model: Model, choice) -> dict[str, float]:
+    """Counts of a frame of a `wsim.simulation.choice.SchemeChoice`, as if all that may touch did."""
     n = choice.substeps
     if choice.solver == "explicit":
-        return explicit(model, n) | _besides(model, n, 0)
+        return count_explicit_frame(model, n) | _count_other_objects(model, n, 0)
     if model.scene.softs:
-        return newton(model, n, choice.iterations, choice.omega) | _besides(model, n, n * choice.iterations)
+        return count_newton_of_soft_bodies(model, n, choice.iterations,
+                                           choice.omega) | _count_other_objects(model, n, n * choice.iterations)
     if choice.solver == "implicit":
-        return solved(model, n, choice.iterations, choice.omega or highest(model)) | _besides(model, n, 0)
-    return sweeps(model, n, choice.iterations) | _besides(model, n, 0)
+        return count_newton_of_sheets(model, n, choice.iterations,
+                                      choice.omega or highest_frequency(model)) | _count_other_objects(model, n, 0)
+    return count_sweeps_frame(model, n, choice.iterations) | _count_other_objects(model, n, 0)
 
 
-def _besides(model: Model, n: int, steps: int) -> dict[str, float]:
+def _count_other_objects(model: Model, n: int, steps: int) -> dict[str, float]:
     """What a frame of n substeps, and so many Newton steps, is said to take besides."""
     scene = model.scene
     convex = sum(not isinstance(c.shape, Surface) for c in scene.colliders)
@@ -236,7 +241,7 @@ def _besides(model: Model, n: int, steps: int) -> dict[str, float]:
                       **{name: many * model.worlds for name, many in each_frame.items()}}
 
 
-def _constraints(model: Model) -> tuple[float, float, set[str]]:
+def _count_soft_constraints(model: Model) -> tuple[float, float, set[str]]:
     """Springs, work of all soft constraints in springs, kinds; of all worlds."""
     soft = [r for r in model.constraints if not r.hard]
     springs, work = (sum(r.row.weight * len(r.ids) for r in found)
@@ -244,28 +249,28 @@ def _constraints(model: Model) -> tuple[float, float, set[str]]:
     return springs, work, {r.kind for r in soft}
 
 
-def _hard(model: Model) -> bool:
+def _any_hard_constraint(model: Model) -> bool:
     return any(r.hard for r in model.constraints)
 
 
-def _tets(model: Model, what: int) -> float:
+def _weighted_number_of_tets(model: Model, what: int) -> float:
     """Tets, a quadratic one as TEN[what], of the explicit steps of a CPU one that is taken by itself as ALONE."""
     found = 0.0
     for body in (b for b in model.bodies if len(b.tets)):
-        alone = what == 0 and not model.device.is_cuda and not _packed(body)
+        alone = what == 0 and not model.device.is_cuda and not _tets_are_packed(body)
         found += len(body.tets) * (1.0 if body.tets.shape[1] == 4 else TEN[what]) * (ALONE if alone else 1.0)
     return found
 
 
-def _packed(body) -> bool:
+def _tets_are_packed(body) -> bool:
     from wsim.physics.soft.fem import PACKETS
     return body.tets.shape[1] == 4 and all(m.model in PACKETS for m in body.source.materials)
 
 
-def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
+def _count_contact_work(model: Model, n: int, iterations: int) -> dict[str, float]:
     """What colliders and self-contact add, met or not. A mesh that moves is fitted anew every substep."""
     met, meshes = 0.0, 0
-    own: dict[str, float] = {"surfaces": n, "surfaced": n * model.points} if touches(model.scene) else {}
+    own: dict[str, float] = {"surfaces": n, "surfaced": n * model.points} if has_self_collision(model.scene) else {}
     for c in model.scene.colliders:
         mesh = isinstance(c.shape, Surface)
         meshes += mesh
@@ -283,8 +288,9 @@ FEW = 48          # rigid bodies of all worlds. Contacts are solved one after th
 def choose_device(name, scene, worlds: int, gradients: bool):
     """The device of a name; None: the CPU for FEW rigid bodies alone, else the GPU if there is one. Raises SceneError for a
     name that no device has."""
-    device = kernel_cache.device(name)
+    device = kernel_cache.warp_device(name)
     few = 0 < len(scene.things("Body")) * worlds <= FEW and not gradients
-    if name is None and device.is_cuda and few and not scene.bodies() and all(row.name == "rigid" for row, _ in every(scene)):
-        device = kernel_cache.device("cpu")
+    if name is None and device.is_cuda and few and not scene.bodies() and all(row.name == "rigid"
+                                                                              for row, _ in each_method_object(scene)):
+        device = kernel_cache.warp_device("cpu")
     return device

@@ -2,7 +2,8 @@
 
     leave    while nothing is being written (imports, loading, starting Warp) the process ends at once: an exception would be
              swallowed by what is half imported, or come out as another
-    wait     during a run it is noted, and `check` raises KeyboardInterrupt between frames, whose results are kept whole; a
+    wait     during a run it is noted, and `raise_if_interrupted` raises KeyboardInterrupt between frames, whose results are
+    kept whole; a
              second one raises at once
     throw    elsewhere it raises at once, as Python does; what is swallowed (in a destructor, say) is noted all the same
 
@@ -25,7 +26,7 @@ mode = "throw"
 left = ""                    # what stays of a run that ends at once, for the last line
 
 
-def _handle(*_) -> None:
+def _handle_signal(*_) -> None:
     global came
     if mode == "leave":
         os.write(2, b"interrupted\n")
@@ -35,12 +36,12 @@ def _handle(*_) -> None:
         raise KeyboardInterrupt
 
 
-class _Listener:
+class _SignalListener:
     """A thread that hears of each Ctrl-C at once, whatever the main thread does."""
 
     def __init__(self):
         self.presses, self.ends, self.lock = 0, (-1, -1), threading.Lock()
-        self.ending = threading.Timer(GRACE, _leave)
+        self.ending = threading.Timer(GRACE, _end_process_now)
 
     def begin(self) -> None:
         """Listens, unless it does already or somebody else listens for signals (an event loop)."""
@@ -56,7 +57,7 @@ class _Listener:
                 os.close(end)
             self.ends = (-1, -1)
             return
-        threading.Thread(target=self._listen, args=(self.ends[0],), name="ctrl-c", daemon=True).start()
+        threading.Thread(target=self._read_signals, args=(self.ends[0],), name="ctrl-c", daemon=True).start()
 
     def end(self) -> None:
         with self.lock:
@@ -66,45 +67,45 @@ class _Listener:
                 os.close(self.ends[1])                          # the thread reads the end of the pipe, and ends
                 self.ends = (-1, -1)
 
-    def _listen(self, end: int) -> None:
+    def _read_signals(self, end: int) -> None:
         while heard := os.read(end, 64):
             with self.lock:
                 for _ in range(heard.count(signal.SIGINT) * (self.ends[0] == end)):      # none of a run that is over
                     self.presses += 1
-                    self._answer()
+                    self._answer_press()
         os.close(end)
 
-    def _answer(self) -> None:
+    def _answer_press(self) -> None:
         if self.presses == 1 and mode == "wait":
             os.write(2, b"\nwsim: the run ends when this frame does; Ctrl-C again ends it at once\n")
         elif self.presses == 2:
-            self.ending = threading.Timer(GRACE, _leave)
+            self.ending = threading.Timer(GRACE, _end_process_now)
             self.ending.daemon = True
             self.ending.start()
 
 
-def _leave() -> None:
+def _end_process_now() -> None:
     os.write(2, f"\ninterrupted{': ' if left else ''}{left}\n".encode())
     os._exit(INTERRUPTED)
 
 
-_listener = _Listener()
+_listener = _SignalListener()
 
 
-def begin(how: str, kept: str = "") -> None:
+def set_interrupt_mode(how: str, kept: str = "") -> None:
     """Begins to watch for Ctrl-C. Where Ctrl-C is not watched nothing changes. kept: what stays where the process is ended."""
     global mode, left
-    if watched():
+    if interrupts_are_watched():
         mode, left = how, kept
 
 
-def check() -> None:
+def raise_if_interrupted() -> None:
     """Raises KeyboardInterrupt where a Ctrl-C waits."""
     if came and threading.current_thread() is threading.main_thread():
         raise KeyboardInterrupt
 
 
-def wait() -> None:
+def wait_for_interrupt() -> None:
     """Waits until Ctrl-C, which is answered by that."""
     global came
     try:
@@ -114,49 +115,49 @@ def wait() -> None:
         _listener.presses = 0
 
 
-def watched() -> bool:
-    return signal.getsignal(signal.SIGINT) is _handle
+def interrupts_are_watched() -> bool:
+    return signal.getsignal(signal.SIGINT) is _handle_signal
 
 
-def start(how: str) -> bool:
+def start_watching_interrupts(how: str) -> bool:
     """Watches Ctrl-C, unless somebody else does, or it is ignored (a background job); only in the main thread."""
     global came
     if threading.current_thread() is not threading.main_thread() or not (
-            watched() or signal.getsignal(signal.SIGINT) is signal.default_int_handler):
+            interrupts_are_watched() or signal.getsignal(signal.SIGINT) is signal.default_int_handler):
         return False
     came = False
-    signal.signal(signal.SIGINT, _handle)
+    signal.signal(signal.SIGINT, _handle_signal)
     _listener.begin()
-    begin(how)
+    set_interrupt_mode(how)
     return True
 
 
 @contextmanager
-def watch(how: str) -> Iterator[None]:
-    """`start`, and back to what was before."""
+def watch_interrupts(how: str) -> Iterator[None]:
+    """`start_watching_interrupts`, and back to what was before."""
     global came
     before, silent = signal.getsignal(signal.SIGINT), sys.unraisablehook
-    if not start(how):
+    if not start_watching_interrupts(how):
         yield
         return
     sys.unraisablehook = lambda what: None if isinstance(what.exc_value, KeyboardInterrupt) else silent(what)
     try:
         yield
     finally:
-        if watched():
+        if interrupts_are_watched():
             signal.signal(signal.SIGINT, before)
         _listener.end()
         sys.unraisablehook, came = silent, False
 
 
 @contextmanager
-def whole() -> Iterator[None]:
+def delay_interrupts() -> Iterator[None]:
     """Ctrl-C inside takes effect at the end, as KeyboardInterrupt: what is being written is finished first.
 
     Where Ctrl-C is ignored (a background job) or somebody else's, and outside the main thread, nothing changes.
     """
     before = signal.getsignal(signal.SIGINT)
-    if before not in (signal.default_int_handler, _handle) or threading.current_thread() is not threading.main_thread():
+    if before not in (signal.default_int_handler, _handle_signal) or threading.current_thread() is not threading.main_thread():
         yield
         return
     found = []

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from wsim.model.midnodes import places as node_places
+from wsim.model.midnodes import places_with_midnodes as node_places
 from wsim.model.model import Model, edge_lengths
 from wsim.model.stage import Clock, Method, Methods, Ports
-from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
-from wsim.model.status import Status
+from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, SimulationState, StateField, StatePart
+from wsim.model.status import FrameStatus
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
-from wsim.scene.methods import METHODS, Row, carried, loads_of_bodies, touches
-from wsim.scene.nodal.separate import apart
-from wsim.simulation.choice import Choice
+from wsim.scene.methods import METHODS, MethodRow, has_self_collision, loads_on_deformables, method_colliders
+from wsim.scene.nodal.separate import separate_coincident_ends
+from wsim.simulation.choice import SchemeChoice
 
 
 @dataclass
@@ -31,9 +31,9 @@ class Build:
     table."""
 
     model: Model
-    choice: Choice
-    state: State
-    status: Status
+    choice: SchemeChoice
+    state: SimulationState
+    status: FrameStatus
     clock: Clock
     reasons: dict[str, str] = field(default_factory=dict)
     methods: Methods = field(default_factory=Methods)
@@ -49,8 +49,9 @@ class Build:
 
     @cached_property
     def colliders(self) -> Any:
-        """The scene's colliders on the device; who asks poses them where a frame begins (`wsim.physics.collider.table`)."""
-        from wsim.physics.collider.table import ColliderTable
+        """The scene's colliders on the device; who asks poses them where a frame begins
+        (`wsim.physics.contact.collider.table`)."""
+        from wsim.physics.contact.collider.table import ColliderTable
         return ColliderTable(self.model, self.scene.colliders)
 
     @property
@@ -72,16 +73,16 @@ class Build:
             return False
         if self.taken - {"aero", "contact", "loads"}:
             return False
-        from wsim.physics.contact.clearance import possible
-        return possible(self.scene, self.model.gradients)
+        from wsim.physics.contact.free_flight_test import allows_free_flight
+        return allows_free_flight(self.scene, self.model.gradients)
 
     @property
     def edges(self) -> bool:
         """True if edges of cloths meet colliders; not by Newton's method, which knows planes of points."""
         if not (self.scene.cloths and (self.scene.colliders or self.scene.others)):
             return False
-        from wsim.scene.check.sharp import meets
-        return meets(self.scene) and not self.model.gradients and self.choice.solver != "implicit"
+        from wsim.scene.check.sharp import has_edge_contacts
+        return has_edge_contacts(self.scene) and not self.model.gradients and self.choice.solver != "implicit"
 
     @property
     def alone(self) -> bool:
@@ -92,14 +93,16 @@ class Build:
     @property
     def taken(self) -> frozenset[str]:
         """Names of all that acts within a substep of leapfrog on a GPU, where blocks that share sheets may take it along
-        (`wsim.physics.fused.domains`): air, soft pins, tethers, strain limits, loads, contacts with what keeps its shape."""
+        (`wsim.physics.motion.fused.domain_decomposition`): air, soft pins, tethers, strain limits, loads, contacts with what
+        keeps its shape."""
         acts = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
         leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
         if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
             return frozenset()
-        from wsim.physics.fused.domains import takes
-        also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(loads_of_bodies(self.scene))}
-        return acts | {name for name, there in also.items() if there} if takes(self.model) else frozenset()
+        from wsim.physics.motion.fused.domain_decomposition import blocks_take_acts
+        also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins),
+                "loads": bool(loads_on_deformables(self.scene))}
+        return acts | {name for name, there in also.items() if there} if blocks_take_acts(self.model) else frozenset()
 
     def kept(self, soft: bool) -> list[Constraints]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
@@ -107,38 +110,38 @@ class Build:
         return [r for r in self.model.constraints if r.hard != soft]
 
 
-def _solver(name: str) -> Callable[[Build], str]:
+def _reason_for_solver(name: str) -> Callable[[Build], str]:
     return lambda b: b.choice.why if b.choice.solver == name else ""
 
 
-def _xpbd(b: Build) -> str:
+def _reason_for_xpbd(b: Build) -> str:
     hard = any(r.hard for r in b.model.constraints)
     return b.choice.why if b.choice.solver == "xpbd" else "tethers or strain limits" if hard else ""
 
 
-def _contact(b: Build) -> str:
-    kinds = sorted({type(c.shape).__name__.lower() for c in (*b.scene.colliders, *carried(b.scene))})
+def _reason_for_contact(b: Build) -> str:
+    kinds = sorted({type(c.shape).__name__.lower() for c in (*b.scene.colliders, *method_colliders(b.scene))})
     return f"colliders: {', '.join(kinds)}" if kinds and b.model.bodies else ""
 
 
 NEEDED: dict[str, Callable[[Build], str]] = {
     "points": lambda b: "there are points that move" if b.model.bodies else "",
     "pins": lambda b: f"{len(b.scene.pins)} pins" if b.scene.pins else "",
-    "explicit": _solver("explicit"),
+    "explicit": _reason_for_solver("explicit"),
     "aero": lambda b: "a cloth has drag or lift" if any(c.feels_air for c in b.scene.cloths) else "",
-    "implicit": _solver("implicit"),
-    "xpbd": _xpbd,
-    "contact": _contact,
-    "selfcontact": lambda b: "surfaces collide with themselves" if touches(b.scene) and b.model.bodies else "",
+    "implicit": _reason_for_solver("implicit"),
+    "xpbd": _reason_for_xpbd,
+    "contact": _reason_for_contact,
+    "selfcontact": lambda b: "surfaces collide with themselves" if has_self_collision(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
     "volume": lambda b: "the corotational law may lose volume" if not b.model.gradients and any(
         m.model == "corotational" for s in b.scene.softs for m in s.materials) else "",
     "muscles": lambda b: "springs have an actuation" if any(s.actuation for s in b.scene.springs) else "",
-    "loads": lambda b: f"{len(found)} loads" if (found := loads_of_bodies(b.scene)) else "",
+    "loads": lambda b: f"{len(found)} loads" if (found := loads_on_deformables(b.scene)) else "",
 }
 
 
-def needed(row: Row, b: Build) -> str:
+def reason_for_method(row: MethodRow, b: Build) -> str:
     """Reason why a scene needs a method, or ""."""
     if row.name in NEEDED:
         return NEEDED[row.name](b)
@@ -148,27 +151,28 @@ def needed(row: Row, b: Build) -> str:
     return ", ".join(f"{n} {name}" for name, n in counts.items() if n)
 
 
-def built(row: Row, b: Build) -> Method | None:
+def build_method_of_row(row: MethodRow, b: Build) -> Method | None:
     """Raises SceneError where gradients are asked for and the method has none."""
     if b.model.gradients and not row.gradients:
-        from wsim.scene.values.coverage import refuse
+        from wsim.scene.values.coverage import gradient_refusal
         if row.name == "selfcontact":
-            raise refuse("surfaces", next(body.path for body in b.scene.bodies() if getattr(body, "self_collision", False)))
+            raise gradient_refusal("surfaces",
+                                   next(body.path for body in b.scene.bodies() if getattr(body, "self_collision", False)))
         path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
-        raise refuse("method", path, method=row.name)
+        raise gradient_refusal("method", path, method=row.name)
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 
-def watched(b: Build) -> None:
+def add_watching_methods(b: Build) -> None:
     """Adds the methods that watch over what the others do: what stops being a number, and energy that comes from nowhere. A
     simulation with gradients is not repeated, and has no balance."""
     others = [part for part in b.state.parts.values() if part.name != "points"]
     if others:
-        from wsim.simulation.measure.checks.guard import Guard
-        b.methods.append(Guard(b.model, others, b.status))
+        from wsim.simulation.measure.checks.guard import FiniteGuard
+        b.methods.append(FiniteGuard(b.model, others, b.status))
     if not b.model.gradients:
         from wsim.simulation.measure.checks import balance
-        b.methods += filter(None, [balance.build(b)])
+        b.methods += filter(None, [balance.build_energy_balance(b)])
 
 
 # what is no method of its own, and why it is left out where it is
@@ -183,7 +187,7 @@ PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
 TOLD = {"tether", "membrane", "distance", "dihedral", "limit"}          # kinds that the lines below tell of
 
 
-def signature(b: Build) -> list:
+def kernel_signature(b: Build) -> list:
     """Part of a scene that decides which kernels it needs: scenes that agree in it share a Warp module."""
     scene, inf = b.scene, float("inf")
     others = [row.role("method").signature(b) for row in METHODS if b.reasons.get(row.name) and row.owns
@@ -200,10 +204,10 @@ def signature(b: Build) -> list:
             *("clearance" for _ in [0] if b.free), *("edges" for _ in [0] if b.edges),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
-            *("loads" for _ in loads_of_bodies(scene)[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]
+            *("loads" for _ in loads_on_deformables(scene)[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]
 
 
-def point_fields(b: Build) -> tuple[Field, ...]:
+def point_fields(b: Build) -> tuple[StateField, ...]:
     """Fields of the points that this scene needs."""
     integrator, met = b.choice.integrator, bool(b.scene.colliders or b.reasons["contact"])
     multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
@@ -214,7 +218,7 @@ def point_fields(b: Build) -> tuple[Field, ...]:
 
 def module_name(b: Build) -> str:
     """Name of the Warp module of this set of kernels."""
-    return "wsim_" + hashlib.sha256(json.dumps(signature(b), default=str).encode()).hexdigest()[:12]
+    return "wsim_" + hashlib.sha256(json.dumps(kernel_signature(b), default=str).encode()).hexdigest()[:12]
 
 
 def left_out(b: Build) -> list[dict]:
@@ -230,7 +234,7 @@ def allocate_points(b: Build) -> None:
     """Adds the points of all bodies to the state."""
     model = b.model
     if model.bodies:
-        points = Part.allocate("points", point_fields(b), model.points, model.real, model.device)
+        points = StatePart.allocate("points", point_fields(b), model.points, model.real, model.device)
         points.rows = {(body.path, body.world): node_places(body) for body in model.bodies}
         b.state.add(points)
 
@@ -238,10 +242,10 @@ def allocate_points(b: Build) -> None:
 def make_methods(b: Build) -> None:
     """The methods that the scene needs, in the order of the table, and those that watch over them."""
     for row in METHODS:
-        made = built(row, b) if b.reasons[row.name] else None
+        made = build_method_of_row(row, b) if b.reasons[row.name] else None
         if made:
             b.methods.append(made)
-    watched(b)
+    add_watching_methods(b)
 
 
 def connect_methods(b: Build) -> None:
@@ -250,12 +254,13 @@ def connect_methods(b: Build) -> None:
         method.meet(b.methods)
 
 
-def place_points(b: Build) -> None:
+def set_initial_positions(b: Build) -> None:
     """Initial positions with their rounding remainder, and velocities."""
     model, state = b.model, b.state
     if not model.bodies:
         return
-    places = np.concatenate([apart(body.places, body.edges - body.first, edge_lengths(body)) for body in model.bodies])
+    places = np.concatenate([separate_coincident_ends(body.places, body.edges - body.first, edge_lengths(body))
+                             for body in model.bodies])
     x = places.astype(model.dtype)
     state.x.assign(x)
     state.e.assign((places - x).astype(model.dtype))

@@ -1,6 +1,6 @@
 """The ordered list of stages that a scene needs, and why each other method is left out.
 
-`build` imports the methods that the scene wants, lets each make its tables, and runs a frame:
+`build_plan` imports the methods that the scene wants, lets each make its tables, and runs a frame:
 
     frame    every stage of rate "frame" in phase pose, then `substeps` times
              methods that subdivide a substep, with all their phases;
@@ -11,17 +11,17 @@ from dataclasses import dataclass, field, replace
 
 from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
-from wsim.model.launches import PEELED, Loop, loop_of
+from wsim.model.launches import PEELED, SubstepLoop, loop_of
 from wsim.model.model import Model
 from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Ports, Stage
-from wsim.model.state import State
-from wsim.model.status import Status
-from wsim.physics.cloth.constraints import LOOKS, constrain
+from wsim.model.state import SimulationState
+from wsim.model.status import FrameStatus
+from wsim.physics.cloth.constraints import LOOKS, fill_constraints
 from wsim.scene import Scene
 from wsim.scene.check import counts
-from wsim.scene.methods import METHODS, loads_of_bodies
+from wsim.scene.methods import METHODS, loads_on_deformables
 from wsim.simulation import cost
-from wsim.simulation.choice import Choice, choose
+from wsim.simulation.choice import SchemeChoice, choose_scheme
 from wsim.simulation.methods import (
     Build,
     allocate_points,
@@ -29,34 +29,34 @@ from wsim.simulation.methods import (
     left_out,
     make_methods,
     module_name,
-    needed,
-    place_points,
+    reason_for_method,
+    set_initial_positions,
 )
-from wsim.simulation.predicted.sag import settle
+from wsim.simulation.predicted.sag import set_rigid_substeps
 
 LAUNCH = 5.5e3           # [B] of a launch of the table in a graph of a CPU: crossed cloths, 84 of them in a substep
 SMALL = 1 << 28          # bytes of a graph, for which there is room
 
 
 @dataclass
-class Plan:
+class SimulationPlan:
     """Stages in order; `methods` own them; `skipped` says what is not there and why."""
 
     model: Model
-    state: State
+    state: SimulationState
     clock: Clock
     methods: Methods
-    status: Status
-    choice: Choice
+    status: FrameStatus
+    choice: SchemeChoice
     skipped: list[dict] = field(default_factory=list)
     seconds: float = 0.0                     # that a frame is expected to take, see `wsim.simulation.cost`
     followed: dict = field(default_factory=dict)       # what varies in time, as set last, by path and name
-    loop: Loop | None = None                 # of substeps that launch the same
+    loop: SubstepLoop | None = None          # of substeps that launch the same
 
     @property
     def starts(self) -> bool:
         """True if the frame to come differs from those after it: it is not worth a graph of its own."""
-        clock, half = self.clock, self.state.has("b")
+        clock, half = self.clock, self.state.has_point_field("b")
         return clock.starting and (clock.integrator.memory > 0.0 or half) or clock.after_free and half and not clock.free
 
     def recorded(self) -> float:
@@ -70,8 +70,8 @@ class Plan:
         """False where there is no room for it: frames are launched one by one."""
         if self.recorded() < SMALL:
             return True
-        from wsim.simulation.measure.memory import free
-        return self.recorded() <= 0.5 * free(self.model.device)
+        from wsim.simulation.measure.memory import free_bytes
+        return self.recorded() <= 0.5 * free_bytes(self.model.device)
 
     def stages(self, phase: str, rate: str, form: str = "") -> list[Stage]:
         """Stages of methods that step with the others. form: of frames; "": of the present one."""
@@ -84,7 +84,7 @@ class Plan:
         """True if frames without contacts leave their stages out."""
         return any(s.frames == FREE for m in self.methods for s in m.stages)
 
-    def subdivided(self) -> None:
+    def run_subdivided_methods(self) -> None:
         """Methods that take several steps in a substep: all of them, before the others predict; what these exchange with others
         they do at the ends of substeps."""
         for method in self.methods:
@@ -120,7 +120,7 @@ class Plan:
     def frame(self) -> None:
         """Launches one frame: all that a graph holds."""
         self.status.begin()
-        self.state.snapshot()
+        self.state.take_snapshot()
         self.stretch(0, self.clock.substeps)
         self.status.end()
 
@@ -139,7 +139,7 @@ class Plan:
         """Launches substep k, or the present one."""
         clock = self.clock
         clock.k = clock.k if k is None else k
-        self.subdivided()
+        self.run_subdivided_methods()
         for phase in ("pose", "predict", "collide"):
             for stage in self.stages(phase, "substep"):
                 stage.launch(clock)
@@ -172,9 +172,9 @@ class Plan:
 
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
-        from wsim.simulation.measure.columns import columns
-        from wsim.simulation.measure.memory import held
-        from wsim.simulation.report import kept, parted
+        from wsim.simulation.measure.columns import text_columns
+        from wsim.simulation.measure.memory import bytes_held_by
+        from wsim.simulation.report import contactless_launches_text, kept_distance_lines
         c, m = self.clock, self.model
         rows = self.table()
         bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
@@ -186,14 +186,15 @@ class Plan:
                  f"{self.choice.why}"]
         cells = [(r["phase"], r["name"], r["rate"], str(r["launches"]), f"{r['bytes'] / 1e6:.2f}", f"  {r['what']}")
                  for r in rows]
-        lines += columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 16, 10, 9, 9, 0), gap="")
+        lines += text_columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 16, 10, 9, 9, 0),
+                              gap="")
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB, all "
-                     f"arrays {held(self) / 1e6:.2f} MB")
+                     f"arrays {bytes_held_by(self) / 1e6:.2f} MB")
         if self.parted:
-            lines.append(parted(self.table(FREE)))
-        lines += kept([k for method in self.methods for k in method.kept()])
+            lines.append(contactless_launches_text(self.table(FREE)))
+        lines += kept_distance_lines([k for method in self.methods for k in method.kept()])
         if m.fuser:
             lines.append(m.fuser.why)
         if self.hard:
@@ -201,19 +202,21 @@ class Plan:
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 
-def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False, fps: float | None = None) -> Plan:
-    """Model, state and stages of a checked scene, its substeps as `settle` has them. fps: of wall clock, that it is to hold."""
-    model = models.build(scene, worlds, device, real)
-    model.gradients, model.by_point = gradients, gradients or bool(loads_of_bodies(scene))
-    b = _chosen(model, fps)
-    b.reasons = {row.name: needed(row, b) for row in METHODS}
+def build_plan(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False,
+               fps: float | None = None) -> SimulationPlan:
+    """Model, state and stages of a checked scene, its substeps as `set_rigid_substeps` has them. fps: of wall clock, that it is
+    to hold."""
+    model = models.build_model(scene, worlds, device, real)
+    model.gradients, model.by_point = gradients, gradients or bool(loads_on_deformables(scene))
+    b = _model_with_choice(model, fps)
+    b.reasons = {row.name: reason_for_method(row, b) for row in METHODS}
     model.module = module_name(b) + ADJOINT * gradients
     _choose_fusion(b)
     allocate_points(b)
     make_methods(b)
     connect_methods(b)
     b.status.allocate()
-    place_points(b)
+    set_initial_positions(b)
     return _assemble_plan(b)
 
 
@@ -222,51 +225,53 @@ def _choose_fusion(b: Build) -> None:
     model, scene = b.model, b.scene
     acts = model.fuses or model.device.is_cuda or b.within or scene.softs          # else a march of a CPU takes whole frames
     if b.choice.solver == "explicit" and model.fuses is not False and acts:
-        from wsim.physics.fused.fuser import Fuser, apart, pays
-        model.fuser = None if apart(model, b.reasons) or model.fuses is None and not pays(model) else Fuser(model)
+        from wsim.physics.motion.fused.kernel_fusion import Fuser, fusing_pays, why_not_fused
+        model.fuser = None if why_not_fused(model,
+                                            b.reasons) or model.fuses is None and not fusing_pays(model) else Fuser(model)
 
 
-def _assemble_plan(b: Build) -> Plan:
+def _assemble_plan(b: Build) -> SimulationPlan:
     model = b.model
-    plan = Plan(model, b.state, b.clock, b.methods, b.status, b.choice, left_out(b),
-                cost.seconds(model, cost.frame(model, b.choice)))
+    plan = SimulationPlan(model, b.state, b.clock, b.methods, b.status, b.choice, left_out(b),
+                          cost.seconds_of_counts(model, cost.count_frame_of_choice(model, b.choice)))
     if model.fuser:
         model.fuser.prepare(plan)
     plan.loop = loop_of(plan)
     return plan
 
 
-def choice(scene: Scene, *, device, real) -> Choice:
+def choice_of_scene(scene: Scene, *, device, real) -> SchemeChoice:
     """The choice that a simulation of a checked scene makes. Raises SceneError as it does."""
-    return _chosen(models.build(replace(scene), 1, device, real)).choice
+    return _model_with_choice(models.build_model(replace(scene), 1, device, real)).choice
 
 
-def _chosen(model: Model, fps: float | None = None) -> Build:
+def _model_with_choice(model: Model, fps: float | None = None) -> Build:
     """Constraints of every body, and the solver, integrator and steps that they are given: worlds take those of one alone,
     whose bits they then have, but where all are to hold a rate of frames."""
-    scene, one, need = model.scene, model, settle(model.scene)
-    constrain(model)
+    scene, one, need = model.scene, model, set_rigid_substeps(model.scene)
+    fill_constraints(model)
     if fps is None:
         if model.worlds > 1:
-            one = models.build(scene, 1, model.device, model.real)
-            constrain(one, model)
-        choice = choose(one)
+            one = models.build_model(scene, 1, model.device, model.real)
+            fill_constraints(one, model)
+        choice = choose_scheme(one)
     else:
-        from wsim.simulation.predicted.rate import hold
-        choice = hold(model, fps)
+        from wsim.simulation.predicted.rate import choose_for_rate
+        choice = choose_for_rate(model, fps)
     if scene.solver == "explicit" and choice.substeps > scene.substeps and scene.cloths:
-        from wsim.physics.fused.stiff_few import slow
-        if said := slow(model):
+        from wsim.physics.motion.fused.mass_scaling import add_sliver_mass
+        if said := add_sliver_mass(model):
             if one is not model:
-                slow(one)
-            choice = choose(one)
+                add_sliver_mass(one)
+            choice = choose_scheme(one)
             choice = replace(choice, why="; ".join([choice.why, *map(str, said)]))
     if choice.slowed:
-        from wsim.physics.fused.stiff_few import slow
+        from wsim.physics.motion.fused.mass_scaling import add_sliver_mass
         for each in {id(m): m for m in (model, one)}.values():
-            slow(each)
+            add_sliver_mass(each)
     choice = replace(choice, need=need, why="; ".join(filter(None, (choice.why, need.told(scene, choice.substeps)))))
-    counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
-                  choice.steps, "take softer materials, larger masses or elements, or another solver")
+    counts.refuse_large_count("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps
+                              else "substeps",
+                              choice.steps, "take softer materials, larger masses or elements, or another solver")
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)
-    return Build(model, choice, State(), Status(model.device), clock)
+    return Build(model, choice, SimulationState(), FrameStatus(model.device), clock)

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.model.midnodes import stored
+from wsim.model.midnodes import restart_rows_of_body
 from wsim.scene import Problem, SceneError
-from wsim.scene.check.counts import whole
-from wsim.scene.methods import every_pin
-from wsim.scene.samples import Points
+from wsim.scene.check.counts import checked_count
+from wsim.scene.methods import all_scene_pins
+from wsim.scene.samples import PointSample
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
     from wsim.usd.result.recorder import Recorder
 
 
-def settings(sim: "Simulation", samples: int = 1) -> dict:
+def settings_of_run(sim: "Simulation", samples: int = 1) -> dict:
     """Settings by which a run is stepped now: what its result says, and what one that goes on from it is held against.
     samples: of the steps that make a frame."""
     return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
@@ -32,13 +32,13 @@ def settings(sim: "Simulation", samples: int = 1) -> dict:
             "iterations": sim.plan.clock.iterations}
 
 
-def points(sim: "Simulation", path: str | None, world: int, device: bool = False) -> Points | None:
+def points_of_path(sim: "Simulation", path: str | None, world: int, device: bool = False) -> PointSample | None:
     """Points by that path, None: the only ones, that are no body's, such as rods'; None: a body's are meant. device: they are
     asked for there, where bodies' are alone. Raises SceneError that lists the paths there are."""
     bodies = [b.path for b in sim.model.bodies if b.world == world]
     if path in bodies or (path is None and len(bodies) == 1):
         return None
-    rest = [] if device else [s for s in sim.samples(min(max(world, 0), sim.worlds - 1)) if isinstance(s, Points)]
+    rest = [] if device else [s for s in sim.samples(min(max(world, 0), sim.worlds - 1)) if isinstance(s, PointSample)]
     found = [s for s in rest if path in (None, s.path)] if 0 <= world < sim.worlds else []
     if len(found) != 1 or (path is None and bodies):
         there = sorted({b.path for b in sim.model.bodies} | {s.path for s in rest})
@@ -49,9 +49,9 @@ def points(sim: "Simulation", path: str | None, world: int, device: bool = False
     return found[0]
 
 
-def positions(sim: "Simulation", path: str | None, world: int, device: bool):
+def positions_of_path(sim: "Simulation", path: str | None, world: int, device: bool):
     """World positions [m] of points by path, as `Simulation.positions` has them."""
-    found = points(sim, path, world, device)
+    found = points_of_path(sim, path, world, device)
     if found is not None:
         return found.positions
     body = sim.model.body(path, world)
@@ -61,16 +61,16 @@ def positions(sim: "Simulation", path: str | None, world: int, device: bool):
     return x[body.index] + body.origin
 
 
-def velocities(sim: "Simulation", path: str | None, world: int, device: bool):
+def velocities_of_path(sim: "Simulation", path: str | None, world: int, device: bool):
     """Velocities [m/s] of points by path, as `Simulation.velocities` has them."""
-    found = points(sim, path, world, device)
+    found = points_of_path(sim, path, world, device)
     if found is not None:
         return found.velocities
     body = sim.model.body(path, world)
     return (sim.state.v, body.index) if device else sim.state.v.numpy().astype(np.float64)[body.index]
 
 
-def poses(sim: "Simulation", path: str | None, world: int) -> dict[str, np.ndarray]:
+def poses_of_path(sim: "Simulation", path: str | None, world: int) -> dict[str, np.ndarray]:
     """Local-to-world transforms (4, 4) [m] by path, as `Simulation.poses` has them."""
     found = {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if path in (None, c.path)}
     if (rigid := sim.plan.ports.bodies) is not None:
@@ -83,8 +83,8 @@ def poses(sim: "Simulation", path: str | None, world: int) -> dict[str, np.ndarr
     return found
 
 
-def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = False, reactions: bool = False,
-           others: Sequence = ()) -> None:
+def append_sample(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = False, reactions: bool = False,
+                  others: Sequence = ()) -> None:
     """Writes the present state of every body, collider and method at a time code.
 
     stress       with von Mises stress and strain of soft bodies        reactions    with the reaction forces of pins
@@ -92,19 +92,19 @@ def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = 
     """
     scene, paths = recorder.scene, [body.path for body in recorder.scene.bodies()]
     primvars = {s.path: sim.stress(s.path).at_points() for s in scene.softs if stress}
-    forces = {p.path: sim.reactions(p.path) for p in every_pin(scene) if reactions}
+    forces = {p.path: sim.reactions(p.path) for p in all_scene_pins(scene) if reactions}
     recorder.notes += [note for path in forces if not recorder.stage.GetPrimAtPath(path)
-                       for note in [_unwritten(path)] if note not in recorder.notes]
-    recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths}, _poses(recorder, sim),
-                    primvars, forces, [*sim.samples(), *others])
+                       for note in [_unwritten_reaction_note(path)] if note not in recorder.notes]
+    recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
+                    _poses_given_by_run(recorder, sim), primvars, forces, [*sim.samples(), *others])
 
 
-def _unwritten(pin: str) -> Problem:
+def _unwritten_reaction_note(pin: str) -> Problem:
     return Problem(pin, "its reaction forces are not written: a painted pin has no prim to take them; hold its points by a "
                    "PhysicsAttachment, or ask Simulation.reactions for them", fatal=False)
 
 
-def _poses(recorder: "Recorder", sim: "Simulation") -> dict:
+def _poses_given_by_run(recorder: "Recorder", sim: "Simulation") -> dict:
     """Of colliders that may move otherwise than their source says: they were given a motion here or in an earlier run. All
     are not asked: that takes 0.1 to 0.4 ms each, which the simulation does not need on the host."""
     given = {path for path, over in recorder.colliders.items() if over.op is not None}
@@ -112,17 +112,18 @@ def _poses(recorder: "Recorder", sim: "Simulation") -> dict:
     return {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if c.path in given}
 
 
-def restart(sim: "Simulation", frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool) -> None:
+def restart_from_fields(sim: "Simulation", frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool) -> None:
     """Goes on from what a recording has left; see `Simulation.restart`."""
-    frame = whole("frame", frame)
+    frame = checked_count("frame", frame)
     sim.plan.methods.restored(fields)
-    misses = _misses(sim, fields)
+    misses = _fields_that_miss(sim, fields)
     for path in sim.state.paths():
         values = fields.get(path, {})
         for name, array, rows in sim.state.of(path):
             if name in values:
                 now = array.numpy()
-                now[rows] = values[name] if len(values[name]) == len(rows) else stored(sim.model.body(path), values[name])
+                now[rows] = values[name] if len(values[name]) == len(rows) else restart_rows_of_body(sim.model.body(path),
+                                                                                                     values[name])
                 array.assign(now)
     exact = alike and not misses
     if alike and fields and misses:
@@ -134,7 +135,7 @@ def restart(sim: "Simulation", frame: int, fields: dict[str, dict[str, np.ndarra
         method.resumed((frame - 1) / sim.scene.fps)
 
 
-def _misses(sim: "Simulation", fields: dict[str, dict[str, np.ndarray]]) -> dict[str, str]:
+def _fields_that_miss(sim: "Simulation", fields: dict[str, dict[str, np.ndarray]]) -> dict[str, str]:
     """What of the fields of an earlier run is not as this one has it, by path, in words. Raises SceneError for rows and shapes
     that no body of this run takes."""
     found, bodies = {}, [body.path for body in sim.model.bodies]
@@ -173,7 +174,7 @@ class Record:
         self.sim, self.stress, self.reactions = sim, stress, reactions
         self.result: str | None = None
         self.recorder = Recorder(sim.given, path, restart_fields=lambda: {p: sim.fields(p) for p in sim.state.paths()},
-                                 settings=lambda: settings(sim), **more)
+                                 settings=lambda: settings_of_run(sim), **more)
         try:
             self._write(sim)
         except BaseException:
@@ -182,7 +183,7 @@ class Record:
         sim.watchers.append(self._write)
 
     def _write(self, sim: "Simulation") -> None:
-        append(self.recorder, sim, self.recorder.time_code(sim.frame), self.stress, self.reactions)
+        append_sample(self.recorder, sim, self.recorder.time_code(sim.frame), self.stress, self.reactions)
 
     @property
     def notes(self) -> list[Problem]:

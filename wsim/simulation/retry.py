@@ -13,17 +13,17 @@ from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
 from wsim.scene.curve import Curve
 from wsim.scene.integrator import TABLE
-from wsim.scene.values.table import stiffens
+from wsim.scene.values.table import limits_explicit_steps
 from wsim.simulation import plan as plans
-from wsim.simulation.duration import duration
+from wsim.simulation.duration import format_duration
 
 if TYPE_CHECKING:
     from wsim.model.stage import Remedy
-    from wsim.model.state import Part, State
+    from wsim.model.state import SimulationState, StatePart
     from wsim.simulation.simulation import Simulation
 
 
-class Company(Exception):
+class FixedStepsError(Exception):
     """A frame of several worlds asks for other steps, and they are to stay as they are (`Clock.apart`). worlds: those that ask
     for them; none where that is not known."""
 
@@ -32,17 +32,17 @@ class Company(Exception):
         self.worlds = worlds
 
 
-def enter(sim: Simulation) -> None:
+def enter_frame(sim: Simulation) -> None:
     """A frame begins."""
     for method in sim.plan.methods:
         method.enter(sim.plan.clock)
 
 
-def begin(sim: Simulation) -> None:
+def prepare_frame_tables(sim: Simulation) -> None:
     """The tables of the frame to come; what varies in time has its values of that frame."""
     if sim.scene.varying or any(isinstance(change[2], Curve) for change in sim.changes):
-        from wsim.simulation.varying import follow
-        sim.host.call("values that vary", follow, sim)
+        from wsim.simulation.varying import follow_varying_values
+        sim.host.call("values that vary", follow_varying_values, sim)
     sim.host.before_frame(sim)
     for method in sim.plan.methods:
         if method.moved:
@@ -50,19 +50,19 @@ def begin(sim: Simulation) -> None:
             method.moved = False
 
 
-def settle(sim: Simulation) -> None:
+def settle_built_simulation(sim: Simulation) -> None:
     """The settling of a simulation that has been built, before its first frame."""
     if sim.scene.varying:
         from wsim.simulation import varying
-        varying.settle(sim)
+        varying.take_stiffest_substeps(sim)
 
 
-def mend(sim: Simulation) -> bool:
+def prepare_frame_retry(sim: Simulation) -> bool:
     """True if the frame must be repeated, after making it possible: each method says what its words of the status ask for."""
     said = [remedy for method in sim.plan.methods for remedy in method.retry(sim.plan.status)]
     checks = [remedy for remedy in said if remedy.kind == "check"]
     said = [remedy for remedy in said if remedy.kind != "check"]
-    if said and _mend(sim, said):
+    if said and _act_on_remedies(sim, said):
         return True
     if not checks:
         return False
@@ -70,50 +70,50 @@ def mend(sim: Simulation) -> bool:
     return raise_substeps(sim, checks)
 
 
-def _mend(sim: Simulation, said: list[Remedy]) -> bool:
-    """`mend` of what keeps a frame from being whole."""
+def _act_on_remedies(sim: Simulation, said: list[Remedy]) -> bool:
+    """`prepare_frame_retry` of what keeps a frame from being whole."""
     kinds = {remedy.kind for remedy in said}
     if "room" in kinds:                                   # a frame without some of its contacts says nothing else
-        _forget(sim, _grow(sim, said, "room"))
+        _drop_graphs(sim, _grow_full_lists(sim, said, "room"))
         return True
     if sim.plan.clock.apart and kinds - {"grow", "again"}:
-        raise Company(not_finite(sim))
+        raise FixedStepsError(worlds_not_finite(sim))
     if "meet" in kinds:                                   # whatever else is wrong may come of that
         sim.plan.clock.free = False
         sim.forms["repeated"] += 1
         return True
     for remedy in said:
         if remedy.kind == "stop":
-            _stop(sim, remedy)
-    if "refine" in kinds and _lost(sim):
+            _give_up_frame(sim, remedy)
+    if "refine" in kinds and _drop_worlds(sim):
         return True
-    if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and (_switch(sim) or _shorten(sim)):
+    if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and (_switch_solver(sim) or _shorten_named(sim)):
         return True
     for remedy in said:
         if remedy.kind == "refine":
-            _refine(sim, remedy.part, remedy.row)
-    grown = _grow(sim, said, "grow")
+            _double_substeps(sim, remedy.part, remedy.row)
+    grown = _grow_full_lists(sim, said, "grow")
     if "give way" in kinds and not grown:                 # a residual may come of what there was no room for
-        _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
+        _fall_back_to_euler(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
     changed = "substeps were raised" if "refine" in kinds else "backward Euler from here on" if "give way" in kinds else ""
-    _forget(sim, grown or [changed] * bool(changed))
+    _drop_graphs(sim, grown or [changed] * bool(changed))
     return bool(kinds - {"doubt"})
 
 
-def _forget(sim: Simulation, changes: list[str]) -> None:
+def _drop_graphs(sim: Simulation, changes: list[str]) -> None:
     """Drops graphs, where something has changed that they have."""
     if changes:
         sim.graphs.forget("; ".join(changes))
 
 
-def _grow(sim: Simulation, said: list[Remedy], kind: str) -> list[str]:
+def _grow_full_lists(sim: Simulation, said: list[Remedy], kind: str) -> list[str]:
     """Makes room for what had none; what graphs do not know of it, in words."""
     grown = [(text, remedy.keeps) for remedy in said if remedy.kind == kind and remedy.act and (text := remedy.act())]
     sim.repeats += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text, _ in grown]
     return [text for text, keeps in grown if not keeps]
 
 
-def not_finite(sim: Simulation) -> set[int]:
+def worlds_not_finite(sim: Simulation) -> set[int]:
     """Worlds of which something that outlives a frame is not finite."""
     found = set()
     for part in sim.state.parts.values():
@@ -124,15 +124,15 @@ def not_finite(sim: Simulation) -> set[int]:
     return found
 
 
-def _lost(sim: Simulation) -> bool:
+def _drop_worlds(sim: Simulation) -> bool:
     """Takes worlds out that are not finite, where others are: each stands still at its start from here on, and the others do
     not change. False where all of them are, so that steps are too long for any, or where there is more than points."""
-    broken = not_finite(sim) if sim.worlds > 1 and not sim.scene.others else set()
+    broken = worlds_not_finite(sim) if sim.worlds > 1 and not sim.scene.others else set()
     if not broken or len(broken | sim.lost.keys()) == sim.worlds:
         return False
-    sim.state.restore()
+    sim.state.restore_snapshot()
     begin_again(sim, broken, held=True)
-    sim.state.snapshot()
+    sim.state.take_snapshot()
     for world in sorted(broken):
         sim.lost[world] = sim.frame + 1
         sim.warnings.append(f"frame {sim.frame + 1}: world {world} stopped being a number and was taken out: it stands at its "
@@ -149,7 +149,7 @@ def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
             now = part.arrays[f.name].numpy()
             for (path, world), rows in part.rows.items():
                 if world in worlds:
-                    first = _first(one, part, path, f.name)
+                    first = _field_at_start(one, part, path, f.name)
                     if len(first) != len(rows):
                         raise SceneError(Problem(path, "has grown since the start, so that no world is reset alone; reset all"))
                     still = held and f.name in ("v", "u", "s", "b", "r")
@@ -171,7 +171,7 @@ def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
             sim.lost.pop(world, None)
 
 
-def _first(one: Simulation, part, path: str, name: str) -> np.ndarray:
+def _field_at_start(one: Simulation, part, path: str, name: str) -> np.ndarray:
     """A field at the start: of those that carry history, the velocity."""
     name = {"s": "v", "u": "v", "b": "v"}.get(name, name) if part.name == "points" else name
     names = {f.name for f in part.kept}
@@ -181,7 +181,7 @@ def _first(one: Simulation, part, path: str, name: str) -> np.ndarray:
     return np.zeros(0)
 
 
-def _give_way(sim: Simulation, why: str) -> None:
+def _fall_back_to_euler(sim: Simulation, why: str) -> None:
     """Backward Euler, which damps what is left unsolved, from this frame on. why: if it is not for a residual."""
     clock = sim.plan.clock
     name, clock.integrator = clock.integrator.title, TABLE["backward_euler"]
@@ -193,16 +193,16 @@ def _give_way(sim: Simulation, why: str) -> None:
                         f"wsim.scene.integrator); backward Euler from here on; more {more} keep {name}")
 
 
-def _refine(sim: Simulation, part: str, row: int) -> None:
+def _double_substeps(sim: Simulation, part: str, row: int) -> None:
     """Twice the substeps, where a position is no number, as at a start: history is of other steps."""
-    from wsim.simulation.measure.diagnose import author, first
+    from wsim.simulation.measure.diagnose import author_of_row, first_fault_of_frame
     clock = sim.plan.clock
-    path, where = author(sim.plan, part, row)
+    path, where = author_of_row(sim.plan, part, row)
     if clock.substeps >= 16 * sim.plan.choice.substeps:
         least = sim.plan.ports.stable_substeps
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
                "shape is far from it)" if least else ""
-        said = first(sim.plan, sim.time)
+        said = first_fault_of_frame(sim.plan, sim.time)
         raise SceneError(Problem(path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
                                  f"{clock.steps} substeps too{said and '; ' + said}; look for infinite velocities or "
                                  f"parameters{hint}"))
@@ -211,34 +211,34 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
                         f"{clock.steps} substeps, which stay")
 
 
-def _stop(sim: Simulation, remedy: Remedy) -> NoReturn:
+def _give_up_frame(sim: Simulation, remedy: Remedy) -> NoReturn:
     """The end of a frame that no step can finish; the simulation stands where it began, and may go on, set otherwise."""
-    from wsim.simulation.measure.diagnose import author
-    sim.state.restore()
-    path, where = author(sim.plan, remedy.part, remedy.row)
+    from wsim.simulation.measure.diagnose import author_of_row
+    sim.state.restore_snapshot()
+    path, where = author_of_row(sim.plan, remedy.part, remedy.row)
     place = ", ".join(f"{x:.4g}" for x in sim.state.x.numpy()[remedy.row] + sim.model.body(path).origin)
     raise SceneError(Problem(path, f"point {where} at ({place}) m {remedy.why}; frame {sim.frame + 1} was given up"))
 
 
-def _switch(sim: Simulation) -> bool:
+def _switch_solver(sim: Simulation) -> bool:
     """Goes on with XPBD (soft bodies: Newton's method) where an edge has more than doubled under an explicit integrator that
     nobody asked for by name: its step may have thrown it. Live parameters are set again."""
     scene = sim.scene
     if (scene.solver, scene.integrator) != ("auto", "auto") or sim.plan.choice.other is None:
         return False
-    sim.state.restore()
+    sim.state.restore_snapshot()
     kept = {name: sim.state.points.arrays[name].numpy() for name in ("x", "e", "v")}
-    flowed = {(part.name, f.name): part.arrays[f.name].numpy() for part in _others(sim.state) for f in part.kept}
+    flowed = {(part.name, f.name): part.arrays[f.name].numpy() for part in _parts_but_points(sim.state) for f in part.kept}
     other = sim.plan.choice.other
     assert other is not None
     sim.scene = replace(scene, solver=other.solver, integrator="backward_euler", substeps=other.substeps,
                         iterations=other.iterations)
-    sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
+    sim.plan = plans.build_plan(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
     sim.model, sim.state = sim.plan.model, sim.plan.state
     sim.graphs.forget("another solver from here on")
     for name, values in kept.items():
         sim.state.points.arrays[name].assign(values)
-    for part in _others(sim.state):
+    for part in _parts_but_points(sim.state):
         for f in part.kept:
             if len(flowed[part.name, f.name]) == part.capacity:             # else a list that has grown: it begins anew
                 part.arrays[f.name].assign(flowed[part.name, f.name])
@@ -247,14 +247,14 @@ def _switch(sim: Simulation) -> bool:
             method.set(path, name, value, world)
     sim.seconds.pop("compile", None)
     sim.load()
-    sim.state.snapshot()
+    sim.state.take_snapshot()
     name = "Newton steps" if other.solver == "implicit" else "XPBD"
     sim.warnings.append(f"frame {sim.frame + 1}: an edge stretched to more than twice its length under leapfrog; from here on "
                         f"{name}, {other.substeps} substeps of {other.iterations} iteration{'s' * (other.iterations > 1)}")
     return True
 
 
-def _others(state: State) -> list[Part]:
+def _parts_but_points(state: SimulationState) -> list[StatePart]:
     """Parts but the points."""
     return [part for part in state.parts.values() if part.name != "points"]
 
@@ -263,38 +263,38 @@ def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=No
     """Explicit steps follow a live parameter that makes the scene stiffer, and begin anew: leapfrog's velocity is that of half
     a step before. thing .. world: what was set to what, where that is known."""
     stable, clock = sim.plan.ports.stable_substeps, sim.plan.clock
-    if stable is None or not stiffens(name):
+    if stable is None or not limits_explicit_steps(name):
         return
     if sim.headroom is None:
-        from wsim.simulation.headroom import Headroom
-        sim.headroom = Headroom()
+        from wsim.simulation.live_stability import LiveStability
+        sim.headroom = LiveStability()
     known = sim.headroom
     if known.holds(thing, path, name, value, world, clock.substeps):
         return
     least = stable()
     if least > counts.MOST:
         known.forget()
-    counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
-                  "set another value, or name a solver without a limit")
+    counts.refuse_large_count(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
+                              "set another value, or name a solver without a limit")
     known.found(least)
     if least > clock.substeps:
         each = sim.plan.seconds * least / sim.plan.choice.substeps
-        about = f", about {duration(each)} a frame" if least > counts.MANY else ""
+        about = f", about {format_duration(each)} a frame" if least > counts.MANY else ""
         sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
                             f"of {clock.substeps}{about}")
         clock.substeps, clock.starting = least, True
         sim.graphs.forget(f"{name} was set, which takes more substeps")
 
 
-def _shorten(sim: Simulation) -> bool:
-    """`wsim.simulation.headroom.shorten`, where steps that a scene names may be too long."""
+def _shorten_named(sim: Simulation) -> bool:
+    """`wsim.simulation.live_stability.shorten_steps`, where steps that a scene names may be too long."""
     if sim.plan.choice.bears == inf:
         return False
-    from wsim.simulation.headroom import shorten
-    return shorten(sim)
+    from wsim.simulation.live_stability import shorten_steps
+    return shorten_steps(sim)
 
 
-def refused(error: Exception, device) -> SceneError:
-    """`wsim.simulation.measure.memory.refused`, imported when something has failed."""
+def failure_in_words(error: Exception, device) -> SceneError:
+    """`wsim.simulation.measure.memory.allocation_failure`, imported when something has failed."""
     from wsim.simulation.measure import memory
-    return memory.refused(error, device)
+    return memory.allocation_failure(error, device)

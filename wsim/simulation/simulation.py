@@ -1,10 +1,10 @@
 """Runs a scene, frame by frame. A frame is a transaction: it is committed whole or repeated.
 
 All substeps of a frame are captured as a graph and replayed; where all launch the same, they are a loop in it
-(`wsim.model.launches.Loop`). After each frame one small status word is read; where it says that a buffer overflowed, a residual
-was missed or a position is no number, the frame's snapshot is restored, the buffer grown or the variant switched, and the frame
-repeated: by a new graph if the old one knows what has changed (`wsim.simulation.measure.captures`). Nothing is dropped in
-silence.
+(`wsim.model.launches.SubstepLoop`). After each frame one small status word is read; where it says that a buffer overflowed, a
+residual was missed or a position is no number, the frame's snapshot is restored, the buffer grown or the variant switched, and
+the frame repeated: by a new graph if the old one knows what has changed (`wsim.simulation.measure.captures`). Nothing is
+dropped in silence.
 """
 
 import time
@@ -19,16 +19,16 @@ import warp as wp
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.check.counts import whole
-from wsim.scene.check.scene import check
+from wsim.scene.check.counts import checked_count
+from wsim.scene.check.scene import check_scene
 from wsim.simulation import cost, duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
-from wsim.simulation.measure.captures import Graphs, capture_forms, capture_frame
-from wsim.simulation.measure.exceeded import Note, note
-from wsim.simulation.measure.host import Host
+from wsim.simulation.measure.captures import FrameGraphs, capture_forms, capture_frame
+from wsim.simulation.measure.exceeded import ExceededNote, note_exceeded_limits
+from wsim.simulation.measure.host import HostTimes
 from wsim.simulation.measure.log_messages import LogMessages
-from wsim.simulation.predicted.measured import follow
+from wsim.simulation.predicted.measured import follow_start
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
@@ -56,18 +56,18 @@ class Simulation:
         if not isinstance(scene, Scene):
             from wsim.usd import load
             scene = load(scene)
-        problems = check(scene)
+        problems = check_scene(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
-        self.given, self.precision, self.worlds = scene, precision, whole("worlds", worlds, 1)
+        self.given, self.precision, self.worlds = scene, precision, checked_count("worlds", worlds, 1)
         self.gradients, self.fps, self.device = gradients, fps, cost.choose_device(device, scene, self.worlds, gradients)
         self.warnings, self.overlaps = [str(p) for p in (*scene.notes, *problems)], any(p.overlap for p in problems)
         self.seconds: dict[str, float] = {}
-        self.graphs = Graphs()
+        self.graphs = FrameGraphs()
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         if worlds > 1:
-            from wsim.simulation.measure.memory import fit
-            fit(scene, worlds, lambda: Simulation(scene, device=self.device, precision=precision))
+            from wsim.simulation.measure.memory import require_memory
+            require_memory(scene, worlds, lambda: Simulation(scene, device=self.device, precision=precision))
         self._build()
         self.seconds["build"] = time.perf_counter() - began
         self.watchers.append(LogMessages(self).log_frame)
@@ -75,29 +75,29 @@ class Simulation:
     def _build(self) -> None:
         self.frame = 0
         self.graphs.forget("the simulation was reset")
-        self.pulled = self.settled = None      # made by `reactions` (pulled) and `follow` (settled)
-        self.host = Host()                     # where its time goes
-        self.measured: Any = None              # made by `follow` in the first frame; False: never, nor `settled`
-        self.balance: measure.Balance | None = None
+        self.pulled = self.settled = None      # made by `reactions` (pulled) and `follow_start` (settled)
+        self.host = HostTimes()                # where its time goes
+        self.measured: Any = None              # made by `follow_start` in the first frame; False: never, nor `settled`
+        self.balance: measure.IntegratorBalance | None = None
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
         if self.precision == "float32":
             self.scene = self.scene.single()
         self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
-        self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
+        self.notes: dict[tuple, ExceededNote] = {}  # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.repeats: list[str] = []           # why frames were repeated, where that asks nothing of anybody
         self.lost: dict[int, int] = {}         # worlds that were taken out, each with the frame in which it broke
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
-        self.headroom: Any = None              # `wsim.simulation.headroom.Headroom`, once explicit steps are asked for it
+        self.headroom: Any = None  # `wsim.simulation.live_stability.LiveStability`, once explicit steps are asked for it
         try:
             with GATE.alone():
-                self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
-                                        gradients=self.gradients, fps=self.fps)
+                self.plan = plans.build_plan(self.scene, device=self.device, real=PRECISIONS[self.precision],
+                                             worlds=self.worlds, gradients=self.gradients, fps=self.fps)
         except RuntimeError as error:
-            raise retry.refused(error, self.device) from None
+            raise retry.failure_in_words(error, self.device) from None
         self.model, self.state, start = self.plan.model, self.plan.state, self.plan.ports.start_warnings
-        self.warnings += [w for w in (*map(str, start), *duration.long(self.plan, self.fps)) if w not in self.warnings]
+        self.warnings += [w for w in (*map(str, start), *duration.warn_steps(self.plan, self.fps)) if w not in self.warnings]
         self.milliseconds: list[float] = []
-        retry.settle(self)
+        retry.settle_built_simulation(self)
 
     @property
     def time(self) -> float:
@@ -111,38 +111,38 @@ class Simulation:
         """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():
             self._step()
-        self.host.call("first frames, measured", follow, self)
-        self.host.end_frame(self.frame)
+        self.host.call("first frames, measured", follow_start, self)
+        self.host.count_host_frame(self.frame)
 
     def _step(self) -> None:
         began = time.perf_counter()
         self.load()
-        interrupt.check()
+        interrupt.raise_if_interrupted()
         if self.plan.clock.starting:
-            self.balance = measure.balance(self)
-        retry.enter(self)
+            self.balance = measure.begin_integrator_balance(self)
+        retry.enter_frame(self)
         for _ in range(REPEATS):
             try:
-                retry.begin(self)
+                retry.prepare_frame_tables(self)
                 self._replay()
             except RuntimeError as error:
-                raise retry.refused(error, self.device) from None
+                raise retry.failure_in_words(error, self.device) from None
             self.plan.status.wait()
-            if not self.host.call("status", retry.mend, self):
+            if not self.host.call("status", retry.prepare_frame_retry, self):
                 break
-            self.state.restore()
+            self.state.restore_snapshot()
         else:
             raise SceneError(Problem("frame", f"frame {self.frame + 1} was repeated {REPEATS} times and still does not "
                                      "hold; give it more substeps"))
         self.plan.clock.starting = False
         self.forms["free" if self.plan.clock.free else "met"] += 1
         self.frame += 1
-        self.host.call("status", note, self)
+        self.host.call("status", note_exceeded_limits, self)
         if not self.milliseconds and self.device.is_cuda and self.graphs.wanted and self.plan.fits:
             try:
                 capture_forms(self)
             except RuntimeError as error:
-                raise retry.refused(error, self.device) from None
+                raise retry.failure_in_words(error, self.device) from None
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
         if self.balance:
@@ -152,9 +152,9 @@ class Simulation:
 
     def frames(self, n: int | None = None) -> Iterator[int]:
         """Steps n frames (None: the scene's), and yields the number of each after it: 1, 2, 3 ..."""
-        return map(self._stepped, range(self.scene.frames if n is None else whole("frames", n)))
+        return map(self._step_and_number, range(self.scene.frames if n is None else checked_count("frames", n)))
 
-    def _stepped(self, _) -> int:
+    def _step_and_number(self, _) -> int:
         self.step()
         return self.frame
 
@@ -197,7 +197,7 @@ class Simulation:
         and few are repeated: for live use, when motions were set once."""
         from wsim.simulation import live
         with GATE.alone():
-            live.prepare(self)
+            live.prepare_live_use(self)
 
     def reset(self, world: int | None = None) -> None:
         """Sets the simulation back to the scene's initial state, with the scene's own parameters; or one world alone, while its
@@ -217,17 +217,17 @@ class Simulation:
         index table); no copy is made and nothing is waited for.
         """
         from wsim.simulation import record
-        return record.positions(self, path, world, device)
+        return record.positions_of_path(self, path, world, device)
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
         """Velocities [m/s] of points, (n, 3), as `positions`."""
         from wsim.simulation import record
-        return record.velocities(self, path, world, device)
+        return record.velocities_of_path(self, path, world, device)
 
     def poses(self, path: str | None = None, world: int = 0) -> dict[str, np.ndarray]:
         """Local-to-world transforms (4, 4) [m] of rigid bodies and colliders now, by path (None: of all)."""
         from wsim.simulation import record
-        return record.poses(self, path, world)
+        return record.poses_of_path(self, path, world)
 
     def samples(self, world: int = 0) -> list:
         """Samples for a result besides points, now (`wsim.scene.samples`): particles of liquids, smoke, poses of bodies ..."""
@@ -265,7 +265,7 @@ class Simulation:
         body has all of them and no others, else as at a start, without history, with a warning. alike: that run stepped as
         this one does. Raises SceneError for fields of another shape."""
         from wsim.simulation import record
-        record.restart(self, frame, fields, alike)
+        record.restart_from_fields(self, frame, fields, alike)
 
     # measuring
 
@@ -278,23 +278,23 @@ class Simulation:
         if self.model.alias is not None:
             x = x[self.model.alias]
         with GATE.alone():
-            return measure.gather(self.plan, x, v)
+            return measure.gather_indicators(self.plan, x, v)
 
     def stress(self, path: str | None = None, world: int = 0):
         """`wsim.simulation.measure.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a
         kernel when first called. Raises SceneError where the body is none."""
         from wsim.simulation.measure import stress
         with GATE.alone():
-            return stress.stress(self.plan, path, world)
+            return stress.stress_of_soft_body(self.plan, path, world)
 
     def reactions(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Forces of a pin (None: the only one) on its points now [N], world, (n, 3) in the order in which it names them; their
         sum is what it holds. See `wsim.simulation.measure.reaction`; compiles kernels when first called. Raises SceneError
         where there is none."""
-        from wsim.simulation.measure.reaction import reactions
+        from wsim.simulation.measure.reaction import reactions_of_pin
         with GATE.alone():
-            return reactions(self, path, world)
+            return reactions_of_pin(self, path, world)
 
     def report(self, profile: bool = True) -> dict:
         """Report of what ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
-        return measure.report(self, profile)
+        return measure.make_run_report(self, profile)

@@ -13,7 +13,7 @@ import numpy as np
 
 from wsim.scene import Motion, Scene, Varying
 from wsim.scene.curve import Curve
-from wsim.scene.methods import named
+from wsim.scene.methods import object_at_path
 from wsim.scene.values import table
 
 if TYPE_CHECKING:
@@ -23,62 +23,64 @@ if TYPE_CHECKING:
 FORMS = "number", "vector", "factor"         # of values that are set frame by frame
 
 
-def follow(sim: Simulation) -> None:
+def follow_varying_values(sim: Simulation) -> None:
     """Sets the values of the frame to come, those that differ from what was set last."""
     set_before = sim.plan.followed
     for thing in by_frames(sim):
         value, key = thing.curve.at(sim.time + 0.5 / sim.scene.fps), (thing.path, thing.name)
         if key in set_before and np.array_equal(set_before[key], value):
             continue
-        _put(sim, thing.path, thing.name, value)
+        _put_varying_value(sim, thing.path, thing.name, value)
         set_before[key] = value
-        for change in [c for c in sim.changes if c[1] == thing.name and not curved(c[2])]:
-            _put(sim, *change)
-    _given(sim, set_before)
+        for change in [c for c in sim.changes if c[1] == thing.name and not is_value_curve(c[2])]:
+            _put_varying_value(sim, *change)
+    _follow_given_curves(sim, set_before)
 
 
-def _given(sim: Simulation, set_before: dict) -> None:
-    """Sets the values of curves that were set by hand, as `follow` does, whatever the scene's own have put there."""
+def _follow_given_curves(sim: Simulation, set_before: dict) -> None:
+    """Sets the values of curves that were set by hand, as `follow_varying_values` does, whatever the scene's own have put
+    there."""
     put = {key for key in set_before if len(key) == 2}
-    for path, name, curve, world in [c for c in sim.changes if curved(c[2]) and follows(sim, *c[:2])]:
+    for path, name, curve, world in [c for c in sim.changes if is_value_curve(c[2]) and is_followed_by_frames(sim, *c[:2])]:
         value, key = curve.at(sim.time + 0.5 / sim.scene.fps), (path, name, world)
         if (path, name) in put or not (key in set_before and np.array_equal(set_before[key], value)):
-            _put(sim, path, name, value, world)
+            _put_varying_value(sim, path, name, value, world)
             set_before[key] = value
             put |= {(path, name)} if world is None else set()
 
 
-def follows(sim: Simulation, path: str, name: str) -> bool:
-    """True for a value that `follow` sets frame by frame; others, as actuations and loads, take a curve whole."""
-    row = table.find(type(named(sim.scene, path)).__name__, name)
+def is_followed_by_frames(sim: Simulation, path: str, name: str) -> bool:
+    """True for a value that `follow_varying_values` sets frame by frame; others, as actuations and loads, take a curve
+    whole."""
+    row = table.find_value_row(type(object_at_path(sim.scene, path)).__name__, name)
     return row is not None and row.form in FORMS
 
 
-def curved(value) -> bool:
-    """True for a value over time that `give` has set."""
+def is_value_curve(value) -> bool:
+    """True for a value over time that `give_value_curve` has set."""
     return isinstance(value, Curve) and not isinstance(value, Motion)
 
 
-def give(sim: Simulation, path: str, name: str, curve: Curve, world: int | None) -> None:
+def give_value_curve(sim: Simulation, path: str, name: str, curve: Curve, world: int | None) -> None:
     """Sets a curve from here on: the substeps that its stiffest value needs, then its value of the frame to come. Raises
     SceneError for what a value could not be, and where a recording has one value for all frames."""
     if sim.gradients:
         from wsim.scene.values import coverage
-        raise coverage.refuse("varying", path, name=name, count=1)
-    for value in _ends(Varying(path, name, curve), sim.scene) if curve.moves else ():
-        _put(sim, path, name, value, world)
-    _put(sim, path, name, curve.at(sim.time + 0.5 / sim.scene.fps), world)
+        raise coverage.gradient_refusal("varying", path, name=name, count=1)
+    for value in _ends_of_curve(Varying(path, name, curve), sim.scene) if curve.moves else ():
+        _put_varying_value(sim, path, name, value, world)
+    _put_varying_value(sim, path, name, curve.at(sim.time + 0.5 / sim.scene.fps), world)
     sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, curve, world)]
     for key in [key for key in sim.plan.followed if key[:2] == (path, name)]:
         del sim.plan.followed[key]
 
 
-def _ends(thing: Varying, scene: Scene) -> tuple:
+def _ends_of_curve(thing: Varying, scene: Scene) -> tuple:
     """Least and greatest values of a curve, of each number of a vector."""
     read = thing.curve.values
     if not thing.curve.plain:
-        from wsim.scene.check.varying import frames
-        read = np.concatenate([read, frames(thing, scene)])
+        from wsim.scene.check.varying import values_at_frames
+        read = np.concatenate([read, values_at_frames(thing, scene)])
     return read.min(axis=0), read.max(axis=0)
 
 
@@ -88,23 +90,23 @@ def by_frames(sim: Simulation) -> list:
     return [thing for thing in sim.scene.varying if (thing.path, thing.name) not in within]
 
 
-def settle(sim: Simulation) -> None:
+def take_stiffest_substeps(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
     for thing in by_frames(sim) if sim.plan.ports.stable_substeps else ():
-        least, most = _ends(thing, sim.scene)
-        _put(sim, thing.path, thing.name, least if thing.name == "density" else most)
-    follow(sim)
+        least, most = _ends_of_curve(thing, sim.scene)
+        _put_varying_value(sim, thing.path, thing.name, least if thing.name == "density" else most)
+    follow_varying_values(sim)
 
 
-def refuse(sim: Simulation) -> None:
+def refuse_varying_values(sim: Simulation) -> None:
     """Raises SceneError where a value varies: a recording knows one value of each for all its frames."""
     for thing in sim.scene.varying:
         from wsim.scene.values import coverage
-        raise coverage.refuse("varying", thing.path, name=thing.name, count=len(sim.scene.varying))
+        raise coverage.gradient_refusal("varying", thing.path, name=thing.name, count=len(sim.scene.varying))
 
 
-def _put(sim: Simulation, path: str, name: str, value, world: int | None = None) -> None:
+def _put_varying_value(sim: Simulation, path: str, name: str, value, world: int | None = None) -> None:
     """As `Simulation.set`, without a note for another plan, which follows by itself."""
     noted = list(sim.changes)
     sim.set(path, name, value if np.ndim(value) else float(value), world)

@@ -8,7 +8,7 @@ import sys
 from types import ModuleType
 
 
-class _Called(ModuleType):
+class _CallableModule(ModuleType):
     """A package that stands for the function of its name."""
 
     def __call__(self, *args, **more):
@@ -16,4 +16,4 @@ class _Called(ModuleType):
         return sweep(*args, **more)
 
 
-sys.modules[__name__].__class__ = _Called
+sys.modules[__name__].__class__ = _CallableModule

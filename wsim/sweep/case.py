@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.check.scene import check
-from wsim.scene.methods import named
+from wsim.scene.check.scene import check_scene
+from wsim.scene.methods import object_at_path
 from wsim.sweep.job import Job
 from wsim.sweep.vary import curves
 from wsim.sweep.vary.draws import Draw
-from wsim.sweep.vary.target import FILE, START, Target, resolve
+from wsim.sweep.vary.target import FILE, START, SweepTarget, resolve_sweep_target
 from wsim.usd.result import provenance
 
 TOLD = 12              # refused draws that are told one by one
 
 
 @dataclass
-class Case:
+class SweepCase:
     """One run. key: of its base, cases of one key share it. lives: live values that make a world of the base this case."""
 
     scene: Scene
@@ -34,13 +34,13 @@ class Case:
     start: str | None = None                  # a result whose last frame is the start
 
 
-class Cases:
+class SweepCases:
     """Cases of a job. Files are loaded once."""
 
     def __init__(self, job: Job):
         self.job = job
         self.loaded: dict[tuple, Scene] = {}
-        self.targets: dict[tuple, Target] = {}
+        self.targets: dict[tuple, SweepTarget] = {}
         self.starts: dict[tuple, Any] = {}
         self.sets: dict[tuple, list[str]] = {}
 
@@ -71,13 +71,13 @@ class Cases:
             self.sets[source, path] = list(prim.GetVariantSets().GetNames()) if prim else []
         return self.sets[source, path]
 
-    def target(self, name: str, scene: Scene, file: str | None) -> Target:
+    def target(self, name: str, scene: Scene, file: str | None) -> SweepTarget:
         key = (name, file)
         if key not in self.targets:
-            self.targets[key] = resolve(name, scene, lambda path: self.variant_sets(path, file))
+            self.targets[key] = resolve_sweep_target(name, scene, lambda path: self.variant_sets(path, file))
         return self.targets[key]
 
-    def case(self, draw: Draw) -> Case:
+    def case(self, draw: Draw) -> SweepCase:
         """The case of a draw. Raises SceneError for what is no value, or none of what the scene has."""
         file = str(draw[FILE]) if FILE in draw else None
         first = self.scene(file)
@@ -85,7 +85,7 @@ class Cases:
         variants: dict[str, dict[str, str]] = {}
         for name, target in found.items():
             if target.kind == "variant":
-                variants.setdefault(target.path, {})[target.what] = _text(draw[name])
+                variants.setdefault(target.path, {})[target.what] = _drawn_value_text(draw[name])
         if variants and isinstance(self.job.scene, Scene) and file is None:
             raise SceneError(Problem(next(iter(variants)), "a scene made in Python has no variants; give the path of a file"))
         base = self.scene(file, variants)
@@ -105,10 +105,10 @@ class Cases:
                 built.append((name, draw[name]))
             lives += own or []
         key = (file, repr(sorted((p, sorted(o.items())) for p, o in variants.items())), tuple(built))
-        return Case(whole, base, key, lives, _text(draw[START]) if START in draw else None)
+        return SweepCase(whole, base, key, lives, _drawn_value_text(draw[START]) if START in draw else None)
 
-    def started(self, case: Case):
-        """State that a case starts from (`wsim.usd.result.restart.Restart`); None: the scene's own."""
+    def started(self, case: SweepCase):
+        """State that a case starts from (`wsim.usd.result.restart.RestartState`); None: the scene's own."""
         if case.start is None:
             return None
         from wsim.usd.result.restart import load_restart
@@ -119,21 +119,21 @@ class Cases:
 
     def check(self, draws: list[Draw]) -> None:
         """Raises SceneError with every draw that cannot run, and why, before anything does."""
-        refused = self._unknown(draws)
+        refused = self._unknown_targets(draws)
         for number, draw in enumerate(draws) if not refused else ():
             try:
                 case = self.case(draw)
-                problems = [p for p in check(case.scene) if p.fatal]
+                problems = [p for p in check_scene(case.scene) if p.fatal]
                 if case.start is not None and not problems:
                     self.started(case)
             except SceneError as error:
                 problems = error.problems
-            refused += [Problem(p.path, f"{p.text} (run {number}: {words(draw)})") for p in problems]
+            refused += [Problem(p.path, f"{p.text} (run {number}: {describe_draw(draw)})") for p in problems]
         if refused:
             more = [] if len(refused) <= TOLD else [Problem("--vary", f"and {len(refused) - TOLD} more draws are refused")]
             raise SceneError([*refused[:TOLD], *more])
 
-    def _unknown(self, draws: list[Draw]) -> list[Problem]:
+    def _unknown_targets(self, draws: list[Draw]) -> list[Problem]:
         """Names that are no targets, and files that are no scenes, each once."""
         found: dict[Problem, None] = {}
         for file, name in dict.fromkeys((str(d[FILE]) if FILE in d else None, name) for d in draws for name in d):
@@ -145,38 +145,38 @@ class Cases:
         return list(found)
 
 
-def words(draw: Draw) -> str:
+def describe_draw(draw: Draw) -> str:
     """A draw in words."""
-    return ", ".join(f"{name} {_text(given)}" for name, given in draw.items())
+    return ", ".join(f"{name} {_drawn_value_text(given)}" for name, given in draw.items())
 
 
-def _text(value) -> str:
+def _drawn_value_text(value) -> str:
     if isinstance(value, tuple):
         return " ".join(f"{v:g}" for v in value)
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def digest(scene: Scene) -> str:
+def motion_digest(scene: Scene) -> str:
     """Sixteen hexadecimal digits of what decides the motion of a scene, its settings and start included."""
-    made = provenance.of_scene(scene)
+    made = provenance.scene_digests(scene)
     own = {name: getattr(scene, name) for name in (*sorted(provenance.SETTINGS), "frames")}
-    start = {b.path: provenance.digest([b.points, b.velocities]) for b in scene.bodies()}
-    return provenance.digest([sorted((at, sorted(fields.items())) for at, fields in made.items()), sorted(own.items()),
-                              sorted(start.items())])
+    start = {b.path: provenance.content_digest([b.points, b.velocities]) for b in scene.bodies()}
+    return provenance.content_digest([sorted((at, sorted(fields.items())) for at, fields in made.items()), sorted(own.items()),
+                                      sorted(start.items())])
 
 
-def begin_all(sim, together: list[Case]) -> None:
+def set_live_values(sim, together: list[SweepCase]) -> None:
     """Gives every world of a simulation the live values of its case."""
     lives = [{(path, name): value for path, name, value in case.lives} for case in together]
     for path, name in lives[0]:
         sim.set(path, name, [own[path, name] for own in lives], range(len(lives)))
 
 
-def begin(sim, restart, world: int | None = None) -> None:
+def start_from_result(sim, restart, world: int | None = None) -> None:
     """Puts a simulation, or one world of it, where an earlier run got to; None: the scene's own start."""
     if restart is None:
         return
-    if named(sim.scene, "/") is not None and not restart.positions:
+    if object_at_path(sim.scene, "/") is not None and not restart.positions:
         sim.restart(0, restart.fields, alike=False)
         return
     for path, positions in restart.positions.items():
@@ -185,7 +185,8 @@ def begin(sim, restart, world: int | None = None) -> None:
             sim.set(path, "velocities", np.asarray(restart.velocities[path]), world)
 
 
-def absolute(draw: Draw) -> Draw:
+def absolute_draw_paths(draw: Draw) -> Draw:
     """The draw with its files by their whole paths, for workers elsewhere."""
-    return {name: os.path.abspath(_text(given)) if name in (START, FILE) or curves.named(given) else given
+    return {name: os.path.abspath(_drawn_value_text(given)) if name in (START, FILE) or curves.names_curve_file(given)
+            else given
             for name, given in draw.items()}

@@ -29,7 +29,7 @@ PATIENCE = 120.0             # [s] without any worker, after which a sweep ends
 MOST = {True: 1024, False: 8}        # runs of a part on GPUs, and on CPUs, where rows come late else
 
 
-class Remote:
+class RemoteWorker:
     """One worker, in a process of its own."""
 
     def __init__(self, job):
@@ -37,7 +37,7 @@ class Remote:
 
     def hello(self) -> dict:
         """Things that a worker must have in common with others."""
-        return {**versions(), **place(self.job)}
+        return {**package_versions(), **describe_worker(self.job)}
 
     def run(self, part: list[Item]) -> list[dict]:
         if self.worker is None:
@@ -47,7 +47,7 @@ class Remote:
         return self.worker.run(part)
 
 
-def versions() -> dict:
+def package_versions() -> dict:
     """Versions on which results depend."""
     from wsim import __version__
     found = {"wsim": __version__, "python": ".".join(map(str, sys.version_info[:2]))}
@@ -59,19 +59,19 @@ def versions() -> dict:
     return found
 
 
-def place(job) -> dict:
+def describe_worker(job) -> dict:
     """Where a worker runs, where it keeps kernels, and what it sees of the files of a job."""
     import warp as wp
 
     from wsim.model import kernel_cache
-    device = kernel_cache.device(job.settings.device)
+    device = kernel_cache.warp_device(job.settings.device)
     cache = str(wp.config.kernel_cache_dir)
     unseen = [path for path in job.files() if not os.path.exists(path)]
     return {"node": socket.gethostname(), "device": str(device), "cache": cache, "writes": os.access(cache, os.W_OK),
             "unseen": unseen}
 
 
-class Cluster:
+class RayCluster:
     """Workers of a job. A context manager: they are there inside it. Raises SceneError where they cannot be had."""
 
     def __init__(self, job):
@@ -80,10 +80,10 @@ class Cluster:
         self.actors: list = []
         self.said: list[str] = []
 
-    def __enter__(self) -> "Cluster":
+    def __enter__(self) -> "RayCluster":
         try:
-            self._connect()
-            self._workers()
+            self._connect_to_ray()
+            self._start_workers()
             self._check()
         except BaseException:
             self.__exit__()
@@ -108,7 +108,7 @@ class Cluster:
 
     # start
 
-    def _connect(self) -> None:
+    def _connect_to_ray(self) -> None:
         os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")      # workers without a GPU see the devices there are
         if ray.is_initialized():
             return
@@ -120,14 +120,14 @@ class Cluster:
                      include_dashboard=False, **quiet)
             return
         try:
-            answers(address)
+            require_address_answers(address)
             ray.init(address=address if address == "auto" or ":" in address else f"{address}:6379", **quiet)
         except Exception as error:
             first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
             raise SceneError(Problem(f"--address {address}", f"no Ray cluster answers there: {first}; start one by: ray start "
                                      "--head")) from None
 
-    def _workers(self) -> None:
+    def _start_workers(self) -> None:
         """One a GPU, unless another device is named; else one for so many cores."""
         there = ray.cluster_resources()
         gpus, cpus = int(there.get("GPU", 0)), int(there.get("CPU", 0))
@@ -139,8 +139,8 @@ class Cluster:
             raise SceneError(Problem("--workers", f"{self.settings.workers or 1} are asked for, and there are {what}"))
         threads = {name: str(self.settings.cores) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
         cache = {"WARP_CACHE_PATH": os.environ["WARP_CACHE_PATH"]} if "WARP_CACHE_PATH" in os.environ else {}
-        self.maker = ray.remote(Remote).options(num_cpus=self.settings.cores, num_gpus=1 if self.gpu else 0, max_restarts=0,
-                                                runtime_env={"env_vars": threads | cache})
+        self.maker = ray.remote(RemoteWorker).options(num_cpus=self.settings.cores, num_gpus=1 if self.gpu else 0,
+                                                      max_restarts=0, runtime_env={"env_vars": threads | cache})
         self.given = ray.put(self.job)
         self.actors = [self.maker.remote(self.given) for _ in range(count)]
 
@@ -154,10 +154,10 @@ class Cluster:
             try:
                 answers[waiting[ref]] = ray.get(ref)
             except Exception as error:
-                problems.append(Problem("worker", f"could not start: {last(error)}"))
+                problems.append(Problem("worker", f"could not start: {last_error_line(error)}"))
         if not answers and not problems:
             problems.append(Problem("worker", f"none of {len(late)} has started after {PATIENCE:g} s"))
-        problems += [p for answer in answers.values() for p in unlike(answer)]
+        problems += [p for answer in answers.values() for p in worker_differences(answer)]
         if problems:
             raise SceneError(dict.fromkeys(problems))
         for ref in late:                                  # no room for them yet
@@ -179,7 +179,7 @@ class Cluster:
                 actor, (part, tries) = idle.pop(), queue.popleft()
                 flying[actor.run.remote(part)] = actor, part, tries
             if not flying and not starting:
-                starting |= self._another()
+                starting |= self._start_another_worker()
             if flying:
                 since = monotonic()
             elif monotonic() - since > PATIENCE:
@@ -191,26 +191,26 @@ class Cluster:
                     idle += self._started(ref, starting.pop(ref))
                     continue
                 actor, part, tries = flying.pop(ref)
-                rows, lost = self.answer(ref)
+                rows, lost = self.answer_of_worker(ref)
                 if rows is not None:
                     idle.append(actor)
                     yield [{**row, "tries": row["tries"] + tries - 1} for row in rows]
                     continue
                 self.actors.remove(actor)
-                starting |= self._another()
+                starting |= self._start_another_worker()
                 if tries > self.settings.retries:
                     yield [{**self.job.lost(item, lost), "tries": tries} for item in part]
                 else:
                     queue.extend(([item], tries + 1) for item in part)
 
-    def _another(self) -> dict:
+    def _start_another_worker(self) -> dict:
         """A further worker, that is asked what it is."""
         actor: Any = self.maker.remote(self.given)
         return {actor.hello.remote(): actor}
 
     def _started(self, ref, actor) -> list:
         try:
-            good = not unlike(ray.get(ref))
+            good = not worker_differences(ray.get(ref))
         except Exception:
             good = False
         if good:
@@ -218,15 +218,15 @@ class Cluster:
         return [actor] * good
 
     @staticmethod
-    def answer(ref) -> tuple[Any, str]:
+    def answer_of_worker(ref) -> tuple[Any, str]:
         """Answer of a worker; None and why, where it is lost or has failed."""
         try:
             return ray.get(ref), ""
         except Exception as error:
-            return None, last(error)
+            return None, last_error_line(error)
 
 
-def answers(address: str) -> None:
+def require_address_answers(address: str) -> None:
     """Raises OSError where nothing listens at an address: Ray itself would ask for minutes."""
     if address == "auto" or "://" in address:
         return
@@ -235,9 +235,9 @@ def answers(address: str) -> None:
         pass
 
 
-def unlike(answer: dict) -> list[Problem]:
+def worker_differences(answer: dict) -> list[Problem]:
     """Differences of a worker from this process."""
-    here, node = versions(), answer["node"]
+    here, node = package_versions(), answer["node"]
     others = [f"{name} {answer[name]} and not {here[name]}" for name in here if answer[name] != here[name]]
     problems = [Problem(node, f"runs {', '.join(others)}; install the same on every node")] if others else []
     if answer["unseen"]:
@@ -246,7 +246,7 @@ def unlike(answer: dict) -> list[Problem]:
     return problems
 
 
-def last(error: Exception) -> str:
+def last_error_line(error: Exception) -> str:
     """An error of Ray in one line."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return (lines[-1] if lines else type(error).__name__)[:300]

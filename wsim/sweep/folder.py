@@ -21,8 +21,8 @@ from time import monotonic
 from typing import Any
 
 from wsim.scene import Problem, SceneError
-from wsim.usd.result.atomic import replace_text, replacing
-from wsim.usd.result.lock import Lock
+from wsim.usd.result.atomic import replace_file_atomically, replace_text
+from wsim.usd.result.lock import OutputLock
 
 Row = dict[str, Any]
 CIRCUMSTANCES = ("result", "seconds", "worker", "worlds", "tries")
@@ -31,7 +31,7 @@ LOCK = "sweep.lock"
 OFTEN = 2.0            # [s] between two writings of the table
 
 
-class Folder:
+class SweepFolder:
     """Folder of a sweep, which one process at a time writes. Raises SceneError where it holds another sweep, or this one and it
     is not resumed; BlockingIOError where a sweep writes there now."""
 
@@ -43,7 +43,7 @@ class Folder:
             self.path.mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError):
             raise SceneError(Problem(path, "is a file, or lies in one; give a folder")) from None
-        self.lock = Lock(str(self.path / LOCK), path)
+        self.lock = OutputLock(str(self.path / LOCK), path)
         try:
             self._open(path, identity, resume)
         except BaseException:
@@ -51,19 +51,20 @@ class Folder:
             raise
 
     def _open(self, path: str, identity: dict, resume: bool) -> None:
-        known = self._known()
+        known = self._known_identity()
         if known is None:
             if any(entry.name != LOCK for entry in self.path.iterdir()):
                 raise SceneError(Problem(path, "holds other files and no sweep; give a folder that is empty or not there"))
             replace_text(self.path / "sweep.json", json.dumps(identity, indent=1))
         elif known != identity:
-            raise SceneError(Problem(path, f"holds another sweep ({differs(known, identity)}); give another folder"))
+            raise SceneError(Problem(path, f"holds another sweep ({describe_sweep_difference(known, identity)}); give another "
+                                           f"folder"))
         elif not resume and (self.path / "rows.jsonl").exists() and (self.path / "rows.jsonl").stat().st_size:
             raise SceneError(Problem(path, "holds this sweep already; go on with it by --resume, or give another folder"))
-        self._read(identity["draws"])
+        self._read_earlier_rows(identity["draws"])
         self.journal = open(self.path / "rows.jsonl", "a", encoding="utf-8")           # noqa: SIM115  (closed by `close`)
 
-    def _known(self) -> dict | None:
+    def _known_identity(self) -> dict | None:
         try:
             return json.loads((self.path / "sweep.json").read_text(encoding="utf-8"))
         except FileNotFoundError:
@@ -71,7 +72,7 @@ class Folder:
         except (OSError, ValueError) as error:
             raise SceneError(Problem(str(self.path / "sweep.json"), f"cannot be read ({error}); give another folder")) from None
 
-    def _read(self, draws: list[dict]) -> None:
+    def _read_earlier_rows(self, draws: list[dict]) -> None:
         """Rows that an earlier sweep has of these draws, whose results are there; failures are tried again. The journal is left
         with whole lines."""
         file = self.path / "rows.jsonl"
@@ -81,14 +82,14 @@ class Folder:
         for line in file.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True):
             try:
                 row = json.loads(line)
-                if line.endswith("\n") and self._holds(row, draws):
+                if line.endswith("\n") and self._row_still_holds(row, draws):
                     good.append(row)
             except (ValueError, KeyError, TypeError):
                 pass
         self.rows = {row["run"]: row for row in good}
         replace_text(file, "".join(json.dumps(row) + "\n" for row in self.rows.values()))
 
-    def _holds(self, row: Row, draws: list[dict]) -> bool:
+    def _row_still_holds(self, row: Row, draws: list[dict]) -> bool:
         """True if a row is of a run of these draws that has ended well, and the result that it names is there."""
         number = row["run"]
         if row["status"] != "done" or type(number) is not int or not 0 <= number < len(draws):
@@ -109,7 +110,7 @@ class Folder:
 
     def write(self) -> None:
         """Writes the table."""
-        replace_text(self.path / "runs.csv", text(list(self.ordered()), self.columns()))
+        replace_text(self.path / "runs.csv", rows_as_csv(list(self.ordered()), self.columns()))
         self.written = monotonic()
 
     def ordered(self) -> list[Row]:
@@ -127,30 +128,30 @@ class Folder:
             self.journal.close()
             self.write()
             if find_spec("pyarrow") is not None:
-                parquet(self.ordered(), self.columns(), self.path / "runs.parquet")
+                write_parquet(self.ordered(), self.columns(), self.path / "runs.parquet")
         finally:
             self.lock.release()
 
 
-def text(rows: list[Row], columns: list[str]) -> str:
+def rows_as_csv(rows: list[Row], columns: list[str]) -> str:
     """Rows as CSV."""
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n")
     write.writerow(columns)
-    write.writerows([[cell(row.get(name)) for name in columns] for row in rows])
+    write.writerows([[csv_cell(row.get(name)) for name in columns] for row in rows])
     return out.getvalue()
 
 
-def cell(value) -> str:
+def csv_cell(value) -> str:
     """A value as text that reads back to the bit; a vector as numbers with blanks between."""
     if value is None:
         return ""
     if isinstance(value, (list, tuple)):
-        return " ".join(cell(v) for v in value)
+        return " ".join(csv_cell(v) for v in value)
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def parquet(rows: list[Row], columns: list[str], path: Path) -> None:
+def write_parquet(rows: list[Row], columns: list[str], path: Path) -> None:
     """Rows as Parquet; vectors and what is not of one type are text."""
     import pyarrow
     from pyarrow import parquet as files
@@ -159,12 +160,12 @@ def parquet(rows: list[Row], columns: list[str], path: Path) -> None:
         values = [row.get(name) for row in rows]
         kinds = {type(v) for v in values if v is not None}
         plain = kinds <= {int, float} or kinds <= {str}
-        table[name] = values if plain else [None if v is None else cell(v) for v in values]
-    with replacing(path) as temporary:
+        table[name] = values if plain else [None if v is None else csv_cell(v) for v in values]
+    with replace_file_atomically(path) as temporary:
         files.write_table(pyarrow.table(table), str(temporary))
 
 
-def differs(known: dict, wanted: dict) -> str:
+def describe_sweep_difference(known: dict, wanted: dict) -> str:
     """Text about what tells two sweeps apart."""
     names = [name for name in wanted if known.get(name) != wanted[name]]
     short = [f"{name}: {known.get(name)!r:.60} there, {wanted[name]!r:.60} here" for name in names if name != "draws"]

@@ -18,14 +18,14 @@ from wsim.fitting.fit import Settings as Fitting
 from wsim.fitting.fit import fit
 from wsim.fitting.observations.observed_usd import read
 from wsim.scene import SceneError
-from wsim.sweep.case import Cases, digest
-from wsim.sweep.folder import Folder, Row
+from wsim.sweep.case import SweepCases, motion_digest
+from wsim.sweep.folder import Row, SweepFolder
 from wsim.sweep.job import Job, Settings
-from wsim.sweep.sweep import Sweep, needed
+from wsim.sweep.sweep import Sweep, require_ray
 
 
 @dataclass(frozen=True)
-class Asked:
+class FitRequest:
     """Settings of all fits, like those of `wsim.fit`. noise [m], force_noise [N]: of what was seen; None:
     estimated."""
 
@@ -39,11 +39,11 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Fits(Job):
+class SpecimenFits(Job):
     """A job of fits."""
 
     runs: str = "wsim.sweep.many"
-    asked: Asked = Asked(())
+    asked: FitRequest = FitRequest(())
 
     def identity(self, draws: list[dict], base: str) -> dict:
         return super().identity(draws, base) | {"fit": asdict(self.asked) | {"names": list(self.asked.names)}}
@@ -52,17 +52,17 @@ class Fits(Job):
 class Worker:
     """Fits specimens in one process. `run` gives a row for each."""
 
-    def __init__(self, job: Fits):
-        self.job, self.scene = job, Cases(job).scene()
+    def __init__(self, job: SpecimenFits):
+        self.job, self.scene = job, SweepCases(job).scene()
 
     def run(self, runs: list) -> list[Row]:
-        return [self._row(item) for item in runs]
+        return [self._row_of_run(item) for item in runs]
 
     def most(self, scene) -> int:
         """Specimens at a time."""
         return 1
 
-    def _row(self, item: tuple) -> Row:
+    def _row_of_run(self, item: tuple) -> Row:
         began, asked = perf_counter(), self.job.asked
         row = self.job.lost(item, "")
         try:
@@ -78,34 +78,34 @@ class Worker:
         return row | values | {
             "status": "done", "why": "", "converged": bool(found.converged), "sigma": float(found.sigma),
             "misfit": float(found.misfit), "frames": found.frames, "simulations": float(found.simulations),
-            "warnings": " | ".join(found.notes), "scene_hash": digest(self.scene), "seconds": perf_counter() - began,
+            "warnings": " | ".join(found.notes), "scene_hash": motion_digest(self.scene), "seconds": perf_counter() - began,
             "worker": f"{socket.gethostname()}:{os.getpid()}"}
 
 
-def many(scene: str | os.PathLike, observed: Iterable[str | os.PathLike], names: str | Iterable[str], folder, *,
-         asked: dict | None = None, resume: bool = False, settings: Settings | None = None,
-         told: Callable[[int, int], None] | None = None) -> Iterator[Row]:
+def fit_specimens(scene: str | os.PathLike, observed: Iterable[str | os.PathLike], names: str | Iterable[str], folder, *,
+                  asked: dict | None = None, resume: bool = False, settings: Settings | None = None,
+                  told: Callable[[int, int], None] | None = None) -> Iterator[Row]:
     """Fits parameters of a scene to each of several specimens and yields a row of each as it ends.
 
     observed   files with sampled points of the scene's bodies, one of each specimen
     names      of parameters, as `wsim.fit` takes them: "stretch,bend"
     folder     of the table, as `wsim.sweep` has it
-    asked      start, priors, noise, force_noise, accuracy, limit, see `Asked`
+    asked      start, priors, noise, force_noise, accuracy, limit, see `FitRequest`
     Raises SceneError, before anything runs, for names that are no parameters and for files that are no observations.
     """
-    return prepared(scene, observed, names, folder, asked=asked, resume=resume, settings=settings).rows(told)
+    return prepare_specimen_fits(scene, observed, names, folder, asked=asked, resume=resume, settings=settings).rows(told)
 
 
-def prepared(scene, observed, names, folder, *, asked: dict | None = None, resume: bool = False,
-             settings: Settings | None = None, variants: dict | None = None) -> Sweep:
+def prepare_specimen_fits(scene, observed, names, folder, *, asked: dict | None = None, resume: bool = False,
+                          settings: Settings | None = None, variants: dict | None = None) -> Sweep:
     """Fits that are checked and have their folder."""
     wanted = tuple(n.strip() for n in (names.split(",") if isinstance(names, str) else names) if n.strip())
     path, settings = os.path.abspath(os.fspath(folder)), settings or Settings()
-    needed(settings)
-    how = Asked(wanted, **(asked or {}))
-    job = Fits(os.path.abspath(os.fspath(scene)), variants or {}, path, 0, settings, asked=how)
-    base = Cases(job).scene()
-    parameter.parameters(list(wanted), [base], how.start)
+    require_ray(settings)
+    how = FitRequest(wanted, **(asked or {}))
+    job = SpecimenFits(os.path.abspath(os.fspath(scene)), variants or {}, path, 0, settings, asked=how)
+    base = SweepCases(job).scene()
+    parameter.parameters_of_names(list(wanted), [base], how.start)
     draws = [{"observed": os.path.abspath(os.fspath(file))} for file in observed]
     problems = []
     for draw in draws:
@@ -115,4 +115,4 @@ def prepared(scene, observed, names, folder, *, asked: dict | None = None, resum
             problems += error.problems
     if problems:
         raise SceneError(dict.fromkeys(problems))
-    return Sweep(job, draws, Folder(path, job.identity(draws, digest(base)), ["observed"], resume=resume), base)
+    return Sweep(job, draws, SweepFolder(path, job.identity(draws, motion_digest(base)), ["observed"], resume=resume), base)

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from wsim.scene import Problem, SceneError
-from wsim.show.camera import fitted, subjects
+from wsim.show.camera import fit_camera_to_points, subjects_in_view
 from wsim.show.image import png
 from wsim.show.image.label import label_image
-from wsim.show.picture import cells, tiled
-from wsim.show.raycast import Caster
-from wsim.show.visible import Visible, visible
+from wsim.show.picture import contact_sheet_cells, tile_images
+from wsim.show.raycast import RayCaster
+from wsim.show.visible import VisibleStage, read_visible_stage
 from wsim.sweep.folder import CIRCUMSTANCES
-from wsim.usd.result.atomic import replace_bytes, replacing
+from wsim.usd.result.atomic import replace_bytes, replace_file_atomically
 
 SIZE = 1920, 1080
 MOST = 100             # images of a sheet; of more runs so many are taken, evenly
 
 
-def table(folder) -> list[dict[str, str]]:
+def read_sweep_table(folder) -> list[dict[str, str]]:
     """Rows of a sweep's table as text. Raises SceneError where there is none."""
     try:
         with open(Path(folder) / "runs.csv", newline="", encoding="utf-8") as file:
@@ -31,20 +31,20 @@ def table(folder) -> list[dict[str, str]]:
         raise SceneError(Problem(str(folder), f"holds no table of a sweep ({error.strerror})")) from None
 
 
-def sheet(folder, size: tuple[int, int] = SIZE, device=None) -> str:
+def draw_contact_sheet(folder, size: tuple[int, int] = SIZE, device=None) -> str:
     """Draws the last frame of every run, in the order of runs and by one camera, into sheet.png of the folder; its path. Raises
     SceneError where no result was kept."""
-    kept = [row for row in table(folder) if row["result"]]
+    kept = [row for row in read_sweep_table(folder) if row["result"]]
     if not kept:
         raise SceneError(Problem(str(folder), "no result was kept to draw; sweep with --keep last"))
     chosen = [kept[k] for k in np.unique(np.round(np.linspace(0, len(kept) - 1, min(len(kept), MOST))).astype(int))]
-    stages = [visible(os.path.join(folder, row["result"])) for row in chosen]
-    cell, columns = cells(size, len(stages))
-    camera = _camera(stages, cell[0] / cell[1])
-    images = [label_image(_image(seen, camera, cell, device), describe_run(row))
+    stages = [read_visible_stage(os.path.join(folder, row["result"])) for row in chosen]
+    cell, columns = contact_sheet_cells(size, len(stages))
+    camera = _camera_for_all_runs(stages, cell[0] / cell[1])
+    images = [label_image(_image_of_last_frame(seen, camera, cell, device), describe_run(row))
               for seen, row in zip(stages, chosen, strict=True)]
     out = Path(folder) / "sheet.png"
-    replace_bytes(out, png.still(tiled(images, columns)))
+    replace_bytes(out, png.encode_png(tile_images(images, columns)))
     return str(out)
 
 
@@ -52,22 +52,22 @@ def describe_run(row: dict[str, str]) -> list[str]:
     """Lines NAME=VALUE of what varies in a sweep, for a tile of its sheet; numbers to four digits."""
     names = list(row)
     varied = names[1:names.index("status")] if "status" in names else []
-    return [f"{name.rpartition(':')[2]}={row[name][:24] if _number(row[name]) == inf else f'{float(row[name]):.4g}'}"
+    return [f"{name.rpartition(':')[2]}={row[name][:24] if _number_or_inf(row[name]) == inf else f'{float(row[name]):.4g}'}"
             for name in varied]
 
 
-def _camera(stages: list[Visible], aspect: float):
+def _camera_for_all_runs(stages: list[VisibleStage], aspect: float):
     """One camera that shows what moves in any of them."""
     groups = [np.concatenate(sets) for sets in zip(*(
         [d.points(seen.times[-1])[::1 + len(d.points(seen.times[-1])) // 5000] for d in seen.drawn] for seen in stages),
         strict=False)]
-    points = np.concatenate([groups[k] for k in subjects(groups)] or [np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, 1.0]])])
-    return fitted(points, stages[0].up, aspect)
+    points = np.concatenate([groups[k] for k in subjects_in_view(groups)] or [np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, 1.0]])])
+    return fit_camera_to_points(points, stages[0].up, aspect)
 
 
-def _image(seen: Visible, camera, cell: tuple[int, int], device) -> np.ndarray:
+def _image_of_last_frame(seen: VisibleStage, camera, cell: tuple[int, int], device) -> np.ndarray:
     time = seen.times[-1]
-    caster = Caster([d.look for d in seen.drawn], cell, device)
+    caster = RayCaster([d.look for d in seen.drawn], cell, device)
     base = min((float(d.points(time)[:, "XYZ".index(seen.up)].min()) for d in seen.drawn), default=0.0)
     return caster.image([d.points(time) for d in seen.drawn], camera, seen.up, seen.floor(time) if seen.floor else base,
                         [d.colors(time) if d.colors else d.look.colors for d in seen.drawn],
@@ -76,38 +76,38 @@ def _image(seen: Visible, camera, cell: tuple[int, int], device) -> np.ndarray:
 
 # plots
 
-def needed() -> None:
+def require_matplotlib() -> None:
     """Raises SceneError where matplotlib is missing: found out before the sweep and not after it."""
     if find_spec("matplotlib") is None:
         raise SceneError(Problem("--plot", 'matplotlib is not installed; install it by: pip install -e ".[plot]"'))
 
 
-def plot(folder, column: str) -> str:
+def plot_table_column(folder, column: str) -> str:
     """Draws a column over the first number that varies, a colour for each value of the second thing that does, into COLUMN.png
     of the folder; its path. Raises SceneError for a column that is no number in any run."""
-    needed()
-    rows = table(folder)
+    require_matplotlib()
+    rows = read_sweep_table(folder)
     names = list(rows[0]) if rows else []
     varied = names[1:names.index("status")] if "status" in names else []
-    if column not in names or not any(_number(row[column]) < inf for row in rows):
+    if column not in names or not any(_number_or_inf(row[column]) < inf for row in rows):
         have = [name for name in names if name not in ("status", "why", *CIRCUMSTANCES[:1]) and rows
-                and any(_number(row[name]) < inf for row in rows)]
+                and any(_number_or_inf(row[name]) < inf for row in rows)]
         raise SceneError(Problem("--plot", f"there are no numbers in a column {column!r}; there are {', '.join(have)}"))
-    across = next((name for name in varied if all(_number(row[name]) < inf for row in rows)), "run")
+    across = next((name for name in varied if all(_number_or_inf(row[name]) < inf for row in rows)), "run")
     other = next((name for name in varied if name != across), None)
     out = Path(folder) / f"{''.join(c if c.isalnum() or c in '._-' else '_' for c in column)}.png"
-    _draw(rows, column, across, other, out)
+    _draw_column_plot(rows, column, across, other, out)
     return str(out)
 
 
-def _number(text: str) -> float:
+def _number_or_inf(text: str) -> float:
     try:
         return float(text)
     except ValueError:
         return inf
 
 
-def _draw(rows: list[dict[str, str]], column: str, across: str, other: str | None, out: Path) -> None:
+def _draw_column_plot(rows: list[dict[str, str]], column: str, across: str, other: str | None, out: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
@@ -115,7 +115,7 @@ def _draw(rows: list[dict[str, str]], column: str, across: str, other: str | Non
     axes = figure.add_subplot(xlabel=across, ylabel=column)
     series: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
-        point = _number(row[across]), _number(row[column])
+        point = _number_or_inf(row[across]), _number_or_inf(row[column])
         if max(map(abs, point)) < inf:
             series.setdefault(row[other] if other else "", []).append(point)
     for label, points in series.items():
@@ -128,5 +128,5 @@ def _draw(rows: list[dict[str, str]], column: str, across: str, other: str | Non
     if other and len(series) <= 12:
         axes.legend(frameon=False, fontsize=8)
     axes.grid(alpha=0.3)
-    with replacing(out, ".png") as whole:
+    with replace_file_atomically(out, ".png") as whole:
         figure.savefig(whole)

@@ -15,8 +15,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.sweep.case import Cases, absolute, digest
-from wsim.sweep.folder import Folder
+from wsim.sweep.case import SweepCases, absolute_draw_paths, motion_digest
+from wsim.sweep.folder import SweepFolder
 from wsim.sweep.job import Job, Settings
 from wsim.sweep.vary import draws as drawn
 from wsim.sweep.vary.draws import Draw
@@ -38,36 +38,37 @@ def sweep(scene: str | os.PathLike | Scene, vary: str | Iterable[str], folder: s
     Raises SceneError, before anything runs, with every draw that the checks refuse, and for a folder that holds another sweep.
     A row has run, the values, status ("done" or "failed", why), errors, warnings, seconds, seed, version, scene_hash.
     """
-    prepared = Sweep.prepared(scene, vary, folder, latin=latin, seed=seed, resume=resume, settings=settings)
+    prepared = Sweep.prepare_sweep(scene, vary, folder, latin=latin, seed=seed, resume=resume, settings=settings)
     return prepared.rows(told)
 
 
 class Sweep:
     """A sweep that is checked and has its folder: `rows` runs it."""
 
-    def __init__(self, job: Job, draws: list[Draw], folder: Folder, base: Scene):
+    def __init__(self, job: Job, draws: list[Draw], folder: SweepFolder, base: Scene):
         """base: the scene as it is loaded."""
         self.job, self.draws, self.folder, self.base = job, draws, folder, base
         self.said: Callable[[str], None] = lambda text: None          # called with what workers are
 
     @staticmethod
-    def prepared(scene, vary, folder, *, latin: int | None = None, seed: int = 0, resume: bool = False,
-                 settings: Settings | None = None, variants: dict | None = None) -> "Sweep":
+    def prepare_sweep(scene, vary, folder, *, latin: int | None = None, seed: int = 0, resume: bool = False,
+                      settings: Settings | None = None, variants: dict | None = None) -> "Sweep":
         """See `sweep`; variants: of every run, as `wsim.load` takes them."""
         settings = settings or Settings()
-        needed(settings)
-        axes = drawn.axes([vary] if isinstance(vary, str) else list(vary))
-        draws = [absolute(d) for d in (drawn.grid(axes) if latin is None else drawn.latin(axes, latin, seed))]
+        require_ray(settings)
+        axes = drawn.parse_sweep_axes([vary] if isinstance(vary, str) else list(vary))
+        draws = [absolute_draw_paths(d)
+                 for d in (drawn.grid_draws(axes) if latin is None else drawn.latin_hypercube(axes, latin, seed))]
         path = os.path.abspath(os.fspath(folder))
         given = scene if isinstance(scene, Scene) else os.path.abspath(os.fspath(scene))
         job = Job(given, variants or {}, path, seed, settings)
-        cases = Cases(job)
+        cases = SweepCases(job)
         base = cases.scene()
         cases.check(draws)
         if not isinstance(given, Scene) and os.path.commonpath([path, given]) == path:
             raise SceneError(Problem(path, "holds the scene itself; give another folder"))
         names = list(dict.fromkeys(name for d in draws for name in d))
-        return Sweep(job, draws, Folder(path, job.identity(draws, digest(base)), names, resume=resume), base)
+        return Sweep(job, draws, SweepFolder(path, job.identity(draws, motion_digest(base)), names, resume=resume), base)
 
     def rows(self, told: Callable[[int, int], None] | None = None) -> Iterator[Row]:
         """Rows as runs end; those that an earlier sweep left come first. The table is whole whenever this stops."""
@@ -92,18 +93,18 @@ class Sweep:
             self.said(f"runs go one after another on each worker: worlds of {', '.join(sorted(self.base.others))} share no "
                       "arrays in a sweep")
         if self.job.settings.remote:
-            from wsim.sweep.cluster import Cluster
-            with Cluster(self.job) as cluster:
+            from wsim.sweep.cluster import RayCluster
+            with RayCluster(self.job) as cluster:
                 for text in cluster.said:
                     self.said(text)
-                yield from cluster.run(parts(runs, cluster.size, cluster.most))
+                yield from cluster.run(split_runs_into_parts(runs, cluster.size, cluster.most))
             return
         worker = import_module(self.job.runs).Worker(self.job)
-        for part in parts(runs, 1, worker.most(self.base)):
+        for part in split_runs_into_parts(runs, 1, worker.most(self.base)):
             yield worker.run(part)
 
 
-def needed(settings: Settings) -> None:
+def require_ray(settings: Settings) -> None:
     """Raises SceneError where workers are asked for and Ray is missing."""
     if settings.remote and find_spec("ray") is None:
         option = "--workers" if settings.address is None else "--address"
@@ -111,7 +112,7 @@ def needed(settings: Settings) -> None:
                                  "one process runs the same sweep"))
 
 
-def parts(runs: list[tuple[int, Draw]], workers: int, most: int) -> list[list[tuple[int, Draw]]]:
+def split_runs_into_parts(runs: list[tuple[int, Draw]], workers: int, most: int) -> list[list[tuple[int, Draw]]]:
     """Runs in parts of `most`, fewer where workers would wait for each other."""
     size = max(1, most if workers == 1 else min(most, -(-len(runs) // (workers * SHARES))))
     return [runs[k:k + size] for k in range(0, len(runs), size)]

@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from wsim.fitting.batch import Batch, turns
-from wsim.fitting.copies import Broken
+from wsim.fitting.batch import CopiesBatch, split_into_turns
+from wsim.fitting.copies import BrokenRun
 from wsim.scene import Problem, SceneError
 from wsim.sweep.job import Job, Settings
-from wsim.sweep.sweep import needed
+from wsim.sweep.sweep import require_ray
 
 
 @dataclass(frozen=True)
-class Parts(Job):
+class CopiesJob(Job):
     """A job of parts of one fit. copies: of each worker at once, None: all it has."""
 
     runs: str = "wsim.sweep.team"
@@ -38,19 +38,19 @@ class Parts(Job):
 class Worker:
     """Batches of one process. `run` calls one of their methods; failures of the scene come back as values."""
 
-    def __init__(self, job: Parts):
+    def __init__(self, job: CopiesJob):
         self.job = job
-        self.batches: dict[int, Batch] = {}
+        self.batches: dict[int, CopiesBatch] = {}
 
     def run(self, asked: tuple) -> tuple:
         copies, what, *given = asked
         try:
             if copies not in self.batches:
-                self.batches[copies] = Batch(self.job.experiments, self.job.parameters, copies, self.job.settings.device,
-                                             self.job.copies)
+                self.batches[copies] = CopiesBatch(self.job.experiments, self.job.parameters, copies, self.job.settings.device,
+                                                   self.job.copies)
             found = getattr(self.batches[copies], what)
             return "done", found(*given) if callable(found) else found
-        except Broken as broken:
+        except BrokenRun as broken:
             return "broken", broken.frame, broken.reason
         except SceneError as error:
             return "refused", error.problems
@@ -61,7 +61,7 @@ class Team:
 
     def __init__(self, settings: Settings, copies: int | None = None, said: Callable[[str], None] = lambda text: None):
         """settings: workers, cores, address, device, retries; copies: of each worker at once; said: told what workers are."""
-        needed(settings)
+        require_ray(settings)
         self.settings, self.copies, self.said = settings, copies, said
         self.cluster: Any = None
 
@@ -73,18 +73,18 @@ class Team:
             self.cluster.__exit__()
             self.cluster = None
 
-    def __call__(self, experiments: list, parameters: list, copies: int) -> "Spread":
+    def __call__(self, experiments: list, parameters: list, copies: int) -> "DistributedBatch":
         if self.cluster is None:
-            from wsim.sweep.cluster import Cluster
-            self.cluster = Cluster(Parts("", {}, os.getcwd(), 0, self.settings, experiments=experiments, parameters=parameters,
-                                         copies=self.copies)).__enter__()
+            from wsim.sweep.cluster import RayCluster
+            self.cluster = RayCluster(CopiesJob("", {}, os.getcwd(), 0, self.settings, experiments=experiments,
+                                                parameters=parameters, copies=self.copies)).__enter__()
             for text in self.cluster.said:
                 self.said(text)
-        return Spread(self, copies)
+        return DistributedBatch(self, copies)
 
 
-class Spread:
-    """So many copies on the workers of a team: what a `Batch` does, by parts."""
+class DistributedBatch:
+    """So many copies on the workers of a team: what a `CopiesBatch` does, by parts."""
 
     def __init__(self, team: Team, copies: int):
         self.team, self.cluster = team, team.cluster
@@ -95,7 +95,7 @@ class Spread:
         self.solvers = self.ask([[("solvers",)]])[0]
 
     def begin(self, values: np.ndarray) -> list[int]:
-        parts = turns(values, self.size)
+        parts = split_into_turns(values, self.size)
         self.past, self.counts = [[] for _ in parts], [count for _, count in parts]
         return np.max(self.ask([[("begin", rows)] for rows, _ in parts]), axis=0).tolist()
 
@@ -115,20 +115,20 @@ class Spread:
         for past, questions in zip(self.past, asked, strict=False):
             past += questions
         flying = {k: self.send(k, questions) for k, questions in enumerate(asked)}
-        return [self.answer(k, ref) for k, ref in flying.items()]
+        return [self.answer_of_worker(k, ref) for k, ref in flying.items()]
 
     def send(self, k: int, questions: list[tuple]):
         """Reference of the answer to the last of some questions."""
         return [self.cluster.actors[k].run.remote((self.size, *question)) for question in questions][-1]
 
-    def answer(self, k: int, ref):
+    def answer_of_worker(self, k: int, ref):
         """Raises Broken and SceneError as a worker did."""
-        given, lost = self.cluster.answer(ref)
+        given, lost = self.cluster.answer_of_worker(ref)
         if given is None:
-            return self.answer(k, self.again(k, lost))
+            return self.answer_of_worker(k, self.again(k, lost))
         kind, *found = given
         if kind == "broken":
-            raise Broken(*found)
+            raise BrokenRun(*found)
         if kind == "refused":
             raise SceneError(found[0])
         return found[0]

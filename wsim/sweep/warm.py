@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-def warmed(one: Simulation) -> list[str]:
+def compile_kernels_ahead(one: Simulation) -> list[str]:
     """Compiles the kernels of a simulation, of two worlds of it, and of its report; returns the names of their modules."""
     found: Iterable[Simulation] = [one, Simulation(one.given, device=one.device, precision=one.precision, worlds=2)]
     names: dict[str, None] = {}

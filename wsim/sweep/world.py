@@ -18,7 +18,7 @@ import numpy as np
 
 from wsim.simulation.measure.indicators import edge_strain
 from wsim.usd.result.as_json import as_json
-from wsim.usd.result.provenance import digest
+from wsim.usd.result.provenance import content_digest
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
@@ -29,7 +29,7 @@ SAID = "wsim:sweep"          # custom data of a result: run and draw
 
 
 @dataclass
-class World:
+class FinishedWorld:
     """State of one world."""
 
     error: dict[str, float]
@@ -37,11 +37,12 @@ class World:
     state: str
 
 
-def worlds_of(sim: "Simulation") -> list[World]:
+def worlds_of(sim: "Simulation") -> list[FinishedWorld]:
     """Every world now."""
     if sim.scene.others or not sim.model.bodies:
         state = {path: sim.fields(path) for path in sim.state.paths()}
-        return [World(sim.indicators(), list(sim.warnings), digest([sorted(state[p].items()) for p in sorted(state)]))]
+        return [FinishedWorld(sim.indicators(), list(sim.warnings),
+                              content_digest([sorted(state[p].items()) for p in sorted(state)]))]
     s, model, points = sim.state, sim.model, sim.plan.ports.points
     x, e, v = (a.numpy() for a in (s.x, s.e, s.v))
     free, gravity = points.constants.w.numpy() > 0.0, points.gravity().astype(np.float64)
@@ -51,15 +52,15 @@ def worlds_of(sim: "Simulation") -> list[World]:
     for world in range(sim.worlds):
         bodies = model.bodies[world * each:(world + 1) * each]
         place = slice(bodies[0].first, bodies[-1].last)
-        error = _error(bodies, place, x, e, v, masses * free)
+        error = _errors_of_world(bodies, place, x, e, v, masses * free)
         error["gravity_energy"] = float(-sum(np.sum(
             masses[b.first:b.last, None] * (x[b.first:b.last].astype(np.float64) + e[b.first:b.last] + b.origin)
             * gravity[b.first:b.last]) for b in bodies))
-        found.append(World(error, _warnings(sim, world), digest([x[place], e[place], v[place]])))
+        found.append(FinishedWorld(error, _warnings_of_world(sim, world), content_digest([x[place], e[place], v[place]])))
     return found
 
 
-def _error(bodies, place: slice, x, e, v, masses) -> dict[str, float]:
+def _errors_of_world(bodies, place: slice, x, e, v, masses) -> dict[str, float]:
     own = x[place].astype(np.float64) + e[place]
     whole = np.zeros((place.stop, 3))
     whole[place] = own
@@ -73,7 +74,7 @@ def _error(bodies, place: slice, x, e, v, masses) -> dict[str, float]:
     return out
 
 
-def _warnings(sim: "Simulation", world: int) -> list[str]:
+def _warnings_of_world(sim: "Simulation", world: int) -> list[str]:
     """Warnings of a world: those of all, and its own, without its number."""
     found = []
     for text in sim.warnings:
@@ -83,7 +84,7 @@ def _warnings(sim: "Simulation", world: int) -> list[str]:
     return found
 
 
-class Layers:
+class ResultLayers:
     """Result layers of the worlds of a simulation, as the job keeps them."""
 
     def __init__(self, job: "Job", members: list):
@@ -103,12 +104,12 @@ class Layers:
         """The state of a frame, which is written where it is kept."""
         self.sim = sim
         if self.recorders and (self.keep == "all" or sim.frame == sim.scene.frames):
-            self._append(sim)
+            self._append_frame(sim)
 
-    def _append(self, sim: "Simulation") -> None:
+    def _append_frame(self, sim: "Simulation") -> None:
         if len(self.recorders) == 1:
-            from wsim.simulation.record import append
-            append(self.recorders[0], sim, self.recorders[0].time_code(sim.frame))
+            from wsim.simulation.record import append_sample
+            append_sample(self.recorders[0], sim, self.recorders[0].time_code(sim.frame))
             return
         s = sim.state
         x, v = s.x.numpy().astype(np.float64) + s.e.numpy(), s.v.numpy().astype(np.float64)
@@ -118,7 +119,7 @@ class Layers:
             recorder.append(recorder.time_code(sim.frame), {b.path: x[b.index] + b.origin for b in bodies},
                             {b.path: v[b.index] for b in bodies}, None, {}, {}, sim.samples(world))
 
-    def close(self, found: list[World]) -> list[str]:
+    def close(self, found: list[FinishedWorld]) -> list[str]:
         """Ends the files; their names within the folder of the sweep, "" where none is kept."""
         names = []
         for (number, draw, _), recorder, world in zip(self.members, self.recorders, found, strict=bool(self.recorders)):

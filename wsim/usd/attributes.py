@@ -9,10 +9,10 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.usd.names import Entry, fields, row
-from wsim.usd.stage import Units
+from wsim.usd.names import AttributeEntry, attribute_entry, schema_fields
+from wsim.usd.stage import StageUnits
 
-SI = Units()
+SI = StageUnits()
 EXACT, TIMES = "wsim:exact", "wsim:times"
 DEFAULT = Usd.TimeCode.Default()
 _SCALARS = {"float": (int, float), "double": (int, float), "int": (int,), "bool": (bool, int), "token": (str,)}
@@ -23,17 +23,17 @@ _ARRAYS = {"float[]": (Vt.FloatArray, np.float32, ()), "double[]": (Vt.DoubleArr
            "normal3f[]": (Vt.Vec3fArray, np.float32, (3,)), "vector3d[]": (Vt.Vec3dArray, np.float64, (3,))}
 
 
-def authored(prim: Usd.Prim, owner: str, field: str) -> bool:
-    attribute = prim.GetAttribute(row(owner, field).attribute)
+def is_authored(prim: Usd.Prim, owner: str, field: str) -> bool:
+    attribute = prim.GetAttribute(attribute_entry(owner, field).attribute)
     return bool(attribute) and attribute.HasAuthoredValue()
 
 
-def decimal(value: float) -> float:
+def shortest_decimal(value: float) -> float:
     """The shortest decimal that rounds to this float32, as a double."""
     return float(str(np.float32(value)))
 
 
-def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, through=None):
+def read_attribute(prim: Usd.Prim, owner: str, field: str, units: StageUnits = SI, time=None, through=None):
     """SI value of a field on a prim, None if it is not authored.
 
     time        time code; None: the start, where samples count before the default value; DEFAULT: the default value alone
@@ -41,11 +41,11 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
     Scalars are Python numbers, arrays NumPy, points of shape (n, 3). An empty array says as little as none: None.
     Raises SceneError if the attribute is of a type that cannot be what the row says.
     """
-    return read_row(prim, row(owner, field), units, time, through)
+    return read_table_attribute(prim, attribute_entry(owner, field), units, time, through)
 
 
-def read_row(prim: Usd.Prim, entry: Entry, units: Units = SI, time=None, through=None):
-    """Value as `read` has it, of a row that need not be in the table."""
+def read_table_attribute(prim: Usd.Prim, entry: AttributeEntry, units: StageUnits = SI, time=None, through=None):
+    """Value as `read_attribute` has it, of a row that need not be in the table."""
     attribute = prim.GetAttribute(entry.attribute)
     if not attribute or not attribute.HasAuthoredValue():
         return None
@@ -55,45 +55,45 @@ def read_row(prim: Usd.Prim, entry: Entry, units: Units = SI, time=None, through
     if value is None or entry.type.endswith("[]") and hasattr(value, "__len__") and len(value) == 0:
         return None
     try:
-        return _si(attribute, value, entry, units, through)
+        return _to_si_value(attribute, value, entry, units, through)
     except (TypeError, ValueError):
-        raise of_type(attribute, entry.type) from None
+        raise wrong_type_error(attribute, entry.type) from None
 
 
-def of_type(attribute: Usd.Attribute, allowed: str) -> SceneError:
+def wrong_type_error(attribute: Usd.Attribute, allowed: str) -> SceneError:
     """The error of an attribute whose value cannot be of the type that is read."""
     return SceneError(Problem(str(attribute.GetPath()), f"is of type {attribute.GetTypeName()}; allowed is {allowed}: author "
                               "it again with that type"))
 
 
-def size(attribute: Usd.Attribute, time) -> float:
+def read_unlisted_number(attribute: Usd.Attribute, time) -> float:
     """A number of an attribute that no row has [stage units]. Raises SceneError where it is of another type."""
     found = attribute.Get(time)
     if isinstance(found, bool) or not isinstance(found, (int, float)):
-        raise of_type(attribute, "double")
+        raise wrong_type_error(attribute, "double")
     return float(found)
 
 
-def _si(attribute, value, entry: Entry, units: Units, through):
+def _to_si_value(attribute, value, entry: AttributeEntry, units: StageUnits, through):
     factor = units.factor(entry.unit)
     if entry.type == "token[]":
         if not isinstance(value, Vt.TokenArray):
             raise TypeError
         return list(value)
     if entry.type in _ARRAYS:
-        return _numbers(value, *_ARRAYS[entry.type][1:], factor)
+        return _to_numpy_array(value, *_ARRAYS[entry.type][1:], factor)
     if entry.type in ("vector3d", "vector3f"):
-        exact = float if entry.type == "vector3d" else decimal
+        exact = float if entry.type == "vector3d" else shortest_decimal
         x, y, z = (exact(v) * factor for v in value)
         return x, y, z
     if isinstance(value, bool) and entry.type != "bool" or not isinstance(value, _SCALARS[entry.type]):
         raise TypeError
     if entry.type in ("float", "double"):
-        return _real(attribute, value, entry, factor, through)
+        return _restore_double(attribute, value, entry, factor, through)
     return {"int": int, "bool": bool, "token": str}[entry.type](value)
 
 
-def _numbers(value, dtype, shape: tuple[int, ...], factor: float) -> np.ndarray:
+def _to_numpy_array(value, dtype, shape: tuple[int, ...], factor: float) -> np.ndarray:
     """An array attribute as NumPy. Raises TypeError for what is no array of such rows, or of integers where those are meant."""
     found = np.array(value)
     whole = dtype is np.int32
@@ -107,23 +107,24 @@ def _numbers(value, dtype, shape: tuple[int, ...], factor: float) -> np.ndarray:
         return found.astype(np.float64) * factor
 
 
-def _real(attribute, value, entry: Entry, factor: float, through) -> float:
+def _restore_double(attribute, value, entry: AttributeEntry, factor: float, through) -> float:
     forward, inverse = through or (float, float)
     if entry.type == "float":
         exact = attribute.GetCustomDataByKey(EXACT)
         if isinstance(exact, float) and np.float32(forward(exact) / factor) == np.float32(value):
             return exact
-        value = decimal(value)
+        value = shortest_decimal(value)
     return inverse(float(value) * factor)
 
 
-def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, through=None, time=DEFAULT) -> Usd.Attribute:
+def author_attribute(prim: Usd.Prim, owner: str, field: str, value, units: StageUnits = SI, through=None,
+                     time=DEFAULT) -> Usd.Attribute:
     """Writes the SI value of a field as the default value of its attribute, or as a sample at a time code."""
-    entry = row(owner, field)
-    attribute = attribute_of(prim, entry)
+    entry = attribute_entry(owner, field)
+    attribute = define_attribute(prim, entry)
     factor = units.factor(entry.unit)
     if entry.type in _ARRAYS:
-        attribute.Set(array(value, entry.type, factor), time)
+        attribute.Set(to_usd_array(value, entry.type, factor), time)
     elif entry.type == "vector3d":
         attribute.Set(Gf.Vec3d(*(float(v) / factor for v in value)), time)
     elif entry.type == "vector3f":
@@ -131,26 +132,27 @@ def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, thr
     elif entry.type in ("float", "double"):
         forward = through[0] if through else float
         attribute.Set(float(forward(value) / factor), time)
-        if entry.type == "float" and time == DEFAULT and _si(attribute, attribute.Get(), entry, units, through) != value:
+        if entry.type == "float" and time == DEFAULT and _to_si_value(attribute, attribute.Get(), entry, units,
+                                                                      through) != value:
             attribute.SetCustomDataByKey(EXACT, float(value))
     else:
         attribute.Set(value, time)
     return attribute
 
 
-def read_values(prim: Usd.Prim, owner: str, units: Units = SI) -> dict:
+def read_object_fields(prim: Usd.Prim, owner: str, units: StageUnits = SI) -> dict:
     """Values of a class that a prim authors [SI], by field: of rows of the table with an attribute."""
-    found = {field: read(prim, owner, field, units) for field in fields(owner)}
+    found = {field: read_attribute(prim, owner, field, units) for field in schema_fields(owner)}
     return {field: value for field, value in found.items() if value is not None}
 
 
-def author_values(prim: Usd.Prim, thing, units: Units = SI) -> None:
-    """Writes the values of an object, as `read_values` reads them."""
-    for field in fields(type(thing).__name__):
-        author(prim, type(thing).__name__, field, getattr(thing, field), units)
+def author_object_fields(prim: Usd.Prim, thing, units: StageUnits = SI) -> None:
+    """Writes the values of an object, as `read_object_fields` reads them."""
+    for field in schema_fields(type(thing).__name__):
+        author_attribute(prim, type(thing).__name__, field, getattr(thing, field), units)
 
 
-def attribute_of(prim: Usd.Prim, entry: Entry) -> Usd.Attribute:
+def define_attribute(prim: Usd.Prim, entry: AttributeEntry) -> Usd.Attribute:
     """The attribute of a row, made if the prim does not have it."""
     found = prim.GetAttribute(entry.attribute)
     if found:
@@ -159,7 +161,7 @@ def attribute_of(prim: Usd.Prim, entry: Entry) -> Usd.Attribute:
     return prim.CreateAttribute(entry.attribute, Sdf.ValueTypeNames.Find(entry.type), False, kind)
 
 
-def array(value, usd_type: str, factor: float = 1.0):
+def to_usd_array(value, usd_type: str, factor: float = 1.0):
     """NumPy values [SI] as a USD array in stage units."""
     vt, dtype, shape = _ARRAYS[usd_type]
     data = np.asarray(value)
@@ -173,7 +175,7 @@ def author_times(attribute: Usd.Attribute, times) -> None:
     attribute.SetCustomDataByKey(TIMES, Vt.DoubleArray.FromNumpy(np.ascontiguousarray(times, np.float64)))
 
 
-def read_times(attribute: Usd.Attribute, units: Units) -> np.ndarray | None:
+def read_times(attribute: Usd.Attribute, units: StageUnits) -> np.ndarray | None:
     """The noted times [s], None if there are none or if the samples have been changed since."""
     times = attribute.GetCustomDataByKey(TIMES) if attribute else None
     if times is None:

@@ -11,25 +11,25 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.check.scene import check
-from wsim.scene.methods import claimant, moving, role
+from wsim.scene.check.scene import check_scene
+from wsim.scene.methods import claiming_method, has_method_objects, method_file
 from wsim.usd import names
-from wsim.usd.attributes import read
-from wsim.usd.load_varying import finish
+from wsim.usd import stage as stages
+from wsim.usd.attributes import read_attribute
+from wsim.usd.load_varying import attach_varying
 from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
 from wsim.usd.prims.numbers import refuse_numbers, refuse_types
 from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, load_tie
 from wsim.usd.prims.springs import load_springs
-from wsim.usd.settings import frames_of, load_settings, note_range, refuse_units
-from wsim.usd.spelling import spelling, targets
-from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, reason, source_of
+from wsim.usd.settings import authored_frame_count, load_settings, refuse_units, warn_missing_time_range
+from wsim.usd.spelling import check_spelling, warn_missing_targets
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
 
 
 @dataclass
-class Prims:
+class SortedPrims:
     """Prims by what they are."""
 
     scenes: list = field(default_factory=list)
@@ -56,11 +56,11 @@ def load(path, variants: dict[str, dict[str, str]] | None = None, frames: int | 
     """
     if isinstance(path, Usd.Stage):
         scene = read_stage(path, frames=frames)
-        scene.source = source_of(path, scene.notes, variants)
+        scene.source = stages.stage_source_file(path, scene.notes, variants)
         scene.frames = scene.frames if frames is None else frames
         return scene
     notes: list[Problem] = []
-    stage = open_stage(path, variants, notes)
+    stage = stages.open_stage(path, variants, notes)
     scene = read_stage(stage, notes, frames)
     scene.frames = scene.frames if frames is None else frames
     scene.source, scene.variants = os.fspath(path), {prim: dict(sets) for prim, sets in (variants or {}).items()}
@@ -69,32 +69,34 @@ def load(path, variants: dict[str, dict[str, str]] | None = None, frames: int | 
 
 def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None, frames: int | None = None) -> Scene:
     """The scene of an open stage; see `load`."""
-    reading = Reading(stage, Units.of(stage), problems=list(notes or []))
-    with quiet(reading.problems, stage), np.errstate(over="ignore", invalid="ignore"):    # what is no number is reported
+    reading = stages.StageReading(stage, stages.StageUnits.of(stage), problems=list(notes or []))
+    # what is no number is reported
+    with stages.collect_warnings(reading.problems, stage), np.errstate(over="ignore", invalid="ignore"):
         try:
-            return _read(reading, frames)
+            return _read_scene(reading, frames)
         except Tf.ErrorException as error:
             raise SceneError(Problem(stage.GetRootLayer().realPath or "stage", f"holds a value that USD cannot read: "
-                                     f"{reason(error)[:200]}; author it again")) from None
+                                     f"{stages.usd_error_text(error)[:200]}; author it again")) from None
 
 
-def _read(reading: Reading, frames: int | None) -> Scene:
+def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
     refuse_units(reading)
     refuse_types(reading)
-    reading.frames = frames_of(reading, frames)
-    found = _walk(reading)
+    reading.frames = authored_frame_count(reading, frames)
+    found = _classify_prims(reading)
     if found.skel_roots:
-        from wsim.usd.prims.skeletons import bindings
-        reading.skinned = bindings(found.skel_roots)
+        from wsim.usd.prims.skeletons import skeleton_bindings
+        reading.skinned = skeleton_bindings(found.skel_roots)
     scene = load_settings(reading, found.scenes)
-    pairs = _pairs(reading, found)
+    pairs = _simulated_pairs(reading, found)
     for prim, body in pairs:
-        _load_body(reading, scene, prim, body)
+        _load_deformable_body(reading, scene, prim, body)
     reading.points = bool(pairs)
     taken = {prim.GetPath() for prim, _ in pairs}
-    taken.update(path for row, prim in found.others for path in getattr(row.role("usd"), "within", _nothing)(reading, prim))
+    taken.update(path for row, prim in found.others
+                 for path in getattr(row.role("usd"), "within", _load_no_objects)(reading, prim))
     for prim in found.colliders:
-        if prim.GetPath() not in taken and not _in_body(prim, found):
+        if prim.GetPath() not in taken and not _is_part_of_deformable(prim, found):
             collider = load_collider(reading, prim)
             if collider is not None:
                 scene.colliders.append(collider)
@@ -112,22 +114,22 @@ def _read(reading: Reading, frames: int | None) -> Scene:
         if pin is not None:
             next((each.pins for each in rods if each.path == pin.body), scene.pins).append(pin)
     if found.loads and not failed:
-        from wsim.usd.prims.loads import load_load
-        scene.loads += [load for prim in found.loads if (load := load_load(reading, prim, by_path)) is not None]
+        from wsim.usd.prims.loads import load_applied_force
+        scene.loads += [load for prim in found.loads if (load := load_applied_force(reading, prim, by_path)) is not None]
     for row, prim in found.others:
         given = row.role("usd").load(reading, prim)
         for thing in given if isinstance(given, list) else [given] if given is not None else []:
             scene.add(thing)
-    _order(scene, found.scenes)
-    return _finished(reading, scene, found)
+    _sort_things(scene, found.scenes)
+    return _finish_scene(reading, scene, found)
 
 
-def _nothing(reading: Reading, prim: Usd.Prim) -> list:
+def _load_no_objects(reading: stages.StageReading, prim: Usd.Prim) -> list:
     return []
 
 
-def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:
-    apis = applied(prim)
+def _load_deformable_body(reading: stages.StageReading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:
+    apis = stages.applied_schemas(prim)
     if prim.IsInstanceProxy():
         root = prim
         while not root.IsInstance():
@@ -145,7 +147,7 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
         if cloth is not None:
             scene.cloths.append(cloth)
             scene.pins += load_painted(reading, prim, cloth)
-    elif names.WSIM_SPRINGS not in apis and (rods := role("Rods", "usd")).simulates(prim):
+    elif names.WSIM_SPRINGS not in apis and (rods := method_file("Rods", "usd")).simulates(prim):
         found = rods.load_rods(reading, prim, body)
         if found is not None:
             scene.add(found)
@@ -155,18 +157,18 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
             scene.springs.append(springs)
 
 
-def _walk(reading: Reading) -> Prims:
+def _classify_prims(reading: stages.StageReading) -> SortedPrims:
     """Sorts the prims of a stage by what they are, and notes what wsim does not simulate."""
-    found = Prims()
+    found = SortedPrims()
     prims = iter(Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim.IsPseudoRoot():
             continue
-        apis, kind = applied(prim), prim.GetTypeName()
-        if row := claimant((*apis, str(kind))):
+        apis, kind = stages.applied_schemas(prim), prim.GetTypeName()
+        if row := claiming_method((*apis, str(kind))):
             found.others.append((row, prim))
-        spelling(reading, prim)
-        targets(reading, prim)
+        check_spelling(reading, prim)
+        warn_missing_targets(reading, prim)
         if kind == "PointInstancer":
             prims.PruneChildren()
         elif kind == names.PHYSICS_SCENE:
@@ -185,17 +187,17 @@ def _walk(reading: Reading) -> Prims:
             found.bodies.append(prim)
         if any(api in apis for api in SIMULATED):
             found.simulated.append(prim)
-        if names.COLLISION in apis and _collides(prim):
+        if names.COLLISION in apis and _collision_enabled(prim):
             found.colliders.append(prim)
     return found
 
 
-def _collides(prim: Usd.Prim) -> bool:
+def _collision_enabled(prim: Usd.Prim) -> bool:
     enabled = prim.GetAttribute("physics:collisionEnabled")
     return not enabled or enabled.Get(prim.GetStage().GetStartTimeCode()) is not False
 
 
-def _pairs(reading: Reading, found: Prims) -> list[tuple[Usd.Prim, Usd.Prim]]:
+def _simulated_pairs(reading: stages.StageReading, found: SortedPrims) -> list[tuple[Usd.Prim, Usd.Prim]]:
     """(simulation geometry, body) of everything to simulate."""
     pairs: list[tuple[Usd.Prim, Usd.Prim]] = []
     claimed: set = set()
@@ -205,21 +207,20 @@ def _pairs(reading: Reading, found: Prims) -> list[tuple[Usd.Prim, Usd.Prim]]:
         claimed.update(p.GetPath() for p in sims)
         if len(sims) > 1:
             reading.fail(body.GetPath(), f"is one deformable body with {len(sims)} simulation geometries ("
-                         f"{', '.join(str(p.GetPath()) for p in sims)}); allowed is one: give each its own "
-                         f"{names.BODY}")
-        elif not sims and not any(api in names.FEATURES for api in applied(body)):
+                         f"{', '.join(str(p.GetPath()) for p in sims)}); allowed is one: give each its own " f"{names.BODY}")
+        elif not sims and not any(api in names.FEATURES for api in stages.applied_schemas(body)):
             reading.warn(body.GetPath(), f"has {names.BODY}, and neither it nor a direct child has a simulation API "
                          f"(such as {names.SURFACE_SIM}); it is left out")
         elif not sims:
             continue                                  # a feature that is not simulated: said so already
-        elif read(body, "Body", "enabled") is False:
+        elif read_attribute(body, "Body", "enabled") is False:
             reading.warn(body.GetPath(), "physics:bodyEnabled is off: it is left out")
-        elif read(body, "Body", "kinematic"):
-            _kinematic_body(reading, found, sims[0], body)
+        elif read_attribute(body, "Body", "kinematic"):
+            _load_kinematic_body(reading, found, sims[0], body)
         else:
             pairs.append((sims[0], body))
-            if names.VOLUME_SIM not in applied(sims[0]):
-                _followers(reading, sims[0], body)
+            if names.VOLUME_SIM not in stages.applied_schemas(sims[0]):
+                _warn_of_followers(reading, sims[0], body)
     for prim in found.simulated:
         if prim.GetPath() not in claimed:
             reading.warn(prim.GetPath(), f"has a simulation API and no {names.BODY} on it or its parent; it is taken "
@@ -228,7 +229,7 @@ def _pairs(reading: Reading, found: Prims) -> list[tuple[Usd.Prim, Usd.Prim]]:
     return pairs
 
 
-def _kinematic_body(reading: Reading, found: Prims, sim: Usd.Prim, body: Usd.Prim) -> None:
+def _load_kinematic_body(reading: stages.StageReading, found: SortedPrims, sim: Usd.Prim, body: Usd.Prim) -> None:
     """An animated deformable pushes as a mesh collider."""
     reading.warn(body.GetPath(), f"physics:kinematicEnabled is on: {sim.GetPath()} moves as animated and collides as "
                                  "a mesh")
@@ -237,7 +238,7 @@ def _kinematic_body(reading: Reading, found: Prims, sim: Usd.Prim, body: Usd.Pri
         found.colliders.append(sim)
 
 
-def _followers(reading: Reading, sim: Usd.Prim, body: Usd.Prim) -> None:
+def _warn_of_followers(reading: stages.StageReading, sim: Usd.Prim, body: Usd.Prim) -> None:
     """Notes what lies in a body of cloth or springs and will not follow it; a soft body has skins."""
     for prim in Usd.PrimRange(body):
         if prim.IsA(UsdGeom.PointBased) and prim.GetPath() != sim.GetPath() and not prim.HasRelationship(names.GUIDES):
@@ -245,12 +246,12 @@ def _followers(reading: Reading, sim: Usd.Prim, body: Usd.Prim) -> None:
                          "geometry: it does not follow yet")
 
 
-def _in_body(prim: Usd.Prim, found: Prims) -> bool:
+def _is_part_of_deformable(prim: Usd.Prim, found: SortedPrims) -> bool:
     """True for point-based geometry of a deformable body: it belongs to the body and is no obstacle."""
     return prim.IsA(UsdGeom.PointBased) and any(prim.GetPath().HasPrefix(body.GetPath()) for body in found.bodies)
 
 
-def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
+def _sort_things(scene: Scene, scenes: list[Usd.Prim]) -> None:
     """Puts objects in the order that a save noted; others keep that of the stage, behind them."""
     relationship = scenes[0].GetRelationship(names.ORDER) if scenes else None
     if relationship:
@@ -264,29 +265,30 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 
 
-def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
+def _finish_scene(reading: stages.StageReading, scene: Scene, found: SortedPrims) -> Scene:
     """The scene with its warnings. Raises SceneError if anything fatal was found."""
-    finish(reading, scene)
+    attach_varying(reading, scene)
     if found.skel_roots:
-        from wsim.usd.prims.skeletons import skinned
+        from wsim.usd.prims.skeletons import refuse_skinned
         solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
-        skinned(reading, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
+        refuse_skinned(reading, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
-    if scene.bodies() or moving(scene):
-        note_range(reading)
-        fatal += [problem for problem in check(scene) if problem.fatal and not (fatal and problem.lacks)]
+    if scene.bodies() or has_method_objects(scene):
+        warn_missing_time_range(reading)
+        fatal += [problem for problem in check_scene(scene) if problem.fatal and not (fatal and problem.lacks)]
         said = {problem.path for problem in fatal}
         fatal += refuse_numbers(reading, said | ({str(prim.GetPath()) for prim in found.scenes} if "/" in said else set()))
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
-        from wsim.usd.new.hints import nothing
-        fatal += [nothing(reading.stage, found.simulated, found.meshes, found.tet_meshes), *_grouped(reading.problems)]
+        from wsim.usd.new.hints import nothing_to_simulate
+        fatal += [nothing_to_simulate(reading.stage, found.simulated, found.meshes, found.tet_meshes),
+                  *_group_notes(reading.problems)]
     if fatal:
         raise SceneError(list(dict.fromkeys(fatal)))
-    scene.notes = _grouped(reading.problems)
+    scene.notes = _group_notes(reading.problems)
     return scene
 
 
-def _grouped(notes: list[Problem]) -> list[Problem]:
+def _group_notes(notes: list[Problem]) -> list[Problem]:
     """The same note on many prims as one."""
     paths: dict[str, list[str]] = {}
     for note in notes:

@@ -14,9 +14,9 @@ from pxr import Usd
 
 from wsim.scene import Scene, Varying
 from wsim.scene.curve import Curve
-from wsim.scene.values.table import VALUES, varying
-from wsim.usd.stage import Reading
-from wsim.usd.transforms.splines import curve_of
+from wsim.scene.values.table import VALUES, varying_value_names
+from wsim.usd.stage import StageReading
+from wsim.usd.transforms.splines import curve_from_spline
 
 ROUNDED = 1e-6                     # of a value, how far a float is from its spline
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
@@ -25,7 +25,7 @@ CURVES = ("wsim:reaction", "wsim:fluid:strength", "wsim:liquid:strength",
           *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
 
 
-def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
+def check_topology(reading: StageReading, prim: Usd.Prim, *names: str) -> bool:
     """True if attributes that say what is joined to what are the same at all times; one that is not is an error."""
     for name in names:
         attribute = prim.GetAttribute(name)
@@ -38,25 +38,25 @@ def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
     return True
 
 
-def sampled(attribute: Usd.Attribute) -> bool:
+def is_time_varying(attribute: Usd.Attribute) -> bool:
     """True if a value may differ from time to time."""
     return bool(attribute) and attribute.HasAuthoredValue() and attribute.ValueMightBeTimeVarying()
 
 
-def attributes_of(prim: Usd.Prim | None) -> list[Usd.Attribute]:
+def value_attributes_of_prim(prim: Usd.Prim | None) -> list[Usd.Attribute]:
     """Attributes that wsim reads of a prim that says nothing but values: a material, a PhysicsScene."""
     return [] if prim is None else [a for a in prim.GetAuthoredAttributes() if a.GetName().startswith(OWN)]
 
 
-def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute],
-         values: Callable[[Reading], dict]) -> None:
+def note_varying_values(reading: StageReading, path: str, kind: type, attributes: list[Usd.Attribute],
+                        values: Callable[[StageReading], dict]) -> None:
     """Notes what differs in time of the values {name: value} [SI] of the object at `path`, of a class
     of the table of values.
 
     attributes    from which they follow
     values        reads them, at the start of the Reading that it is given
     """
-    moving = [a for a in attributes if sampled(a)]
+    moving = [a for a in attributes if is_time_varying(a)]
     reading.followed |= {a.GetPath() for a in moving}
     if not moving:
         return
@@ -73,32 +73,33 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
         if any(v.shape != column[0].shape for v in column):
             reading.fail(moving[0].GetPath(), f"{name} has {column[0].size} values at one time and another number at another; "
                          "give it as many at each")
-        elif name in varying(kind.__name__):
-            curve = _spline(reading, moving, np.array(keys), np.array(column)) or Curve(
+        elif name in varying_value_names(kind.__name__):
+            curve = _find_shared_spline(reading, moving, np.array(keys), np.array(column)) or Curve(
                 reading.units.time(np.array(keys)), np.array(column))
             reading.varying.append((where, Varying(path, name, curve)))
         else:
-            held(reading, where, f"{name} is fixed while a scene runs")
+            warn_samples_ignored(reading, where, f"{name} is fixed while a scene runs")
 
 
-def _spline(reading: Reading, moving: list[Usd.Attribute], keys: np.ndarray, column: np.ndarray) -> Curve | None:
+def _find_shared_spline(reading: StageReading, moving: list[Usd.Attribute], keys: np.ndarray,
+                        column: np.ndarray) -> Curve | None:
     """The one spline that these values (keys,) are times a number, or each component (keys, n) times one and shifted; None if
     there is none."""
     if len(moving) != 1 or not moving[0].HasSpline() or column.ndim > 2:
         return None
     try:
-        own = curve_of(moving[0].GetSpline(), reading.units)
+        own = curve_from_spline(moving[0].GetSpline(), reading.units)
     except ValueError as why:
         reading.warn(moving[0].GetPath(), f"{why}: it is evaluated at frames")
         return None
     found = own.sampled(reading.units.time(keys))
     if column.ndim == 2:
-        return _shared(own, found, column)
+        return _fit_shared_spline(own, found, column)
     factor = float(found @ column / max(found @ found, 1e-300))
     return own.scaled(factor) if np.abs(factor * found - column).max() <= ROUNDED * np.abs(column).max() else None
 
 
-def _shared(own: Curve, found: np.ndarray, column: np.ndarray) -> Curve | None:
+def _fit_shared_spline(own: Curve, found: np.ndarray, column: np.ndarray) -> Curve | None:
     """The spline as one of values (n,): c + f own, by what it has and they have (keys, n) at some times."""
     around = found - found.mean()
     f = around @ column / max(around @ around, 1e-300)
@@ -111,20 +112,20 @@ def _shared(own: Curve, found: np.ndarray, column: np.ndarray) -> Curve | None:
     return Curve(own.times, c + np.outer(own.values, f), own.kind, *sides, **how)
 
 
-def held(reading: Reading, where, reason: str) -> None:
+def warn_samples_ignored(reading: StageReading, where, reason: str) -> None:
     """Warns that of samples the one at the start counts."""
     reading.warn(where, f"is sampled in time, and {reason}: its value at startTimeCode counts; author one value, without "
                  "samples")
 
 
-def finish(reading: Reading, scene: Scene) -> None:
+def attach_varying(reading: StageReading, scene: Scene) -> None:
     """Gives the scene what varies; what cannot, and samples that nobody has followed, are noted."""
     for where, thing in reading.varying:
-        from wsim.scene.check.varying import fixed
-        if reason := fixed(thing.path, thing.name, scene):
-            held(reading, where, f"{thing.name} of {thing.path} cannot follow ({reason})")
+        from wsim.scene.check.varying import fixed_value_reason
+        if reason := fixed_value_reason(thing.path, thing.name, scene):
+            warn_samples_ignored(reading, where, f"{thing.name} of {thing.path} cannot follow ({reason})")
         else:
             scene.varying.append(thing)
     for path in reading.sampled:
         if path not in reading.followed:
-            held(reading, path, "it is fixed while a scene runs")
+            warn_samples_ignored(reading, path, "it is fixed while a scene runs")

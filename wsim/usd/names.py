@@ -61,7 +61,7 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class AttributeEntry:
     """`attribute` of `schema`, of USD type `type`, in `unit`, carries `field` of a scene's `owner`."""
 
     owner: str
@@ -74,156 +74,157 @@ class Entry:
 
 
 OTHERS = (
-    Entry("Scene", "direction", PHYSICS_SCENE, "physics:gravityDirection", "vector3f"),
-    Entry("Scene", "magnitude", PHYSICS_SCENE, "physics:gravityMagnitude", "float", "m/s^2"),
-    Entry("Scene", "substeps", WSIM_SCENE, "wsim:substeps", "int", uniform=True),
-    Entry("Scene", "iterations", WSIM_SCENE, "wsim:iterations", "int", uniform=True),
-    Entry("Scene", "solver", WSIM_SCENE, "wsim:solver", "token", uniform=True),
-    Entry("Scene", "integrator", WSIM_SCENE, "wsim:integrator", "token", uniform=True),
+    AttributeEntry("Scene", "direction", PHYSICS_SCENE, "physics:gravityDirection", "vector3f"),
+    AttributeEntry("Scene", "magnitude", PHYSICS_SCENE, "physics:gravityMagnitude", "float", "m/s^2"),
+    AttributeEntry("Scene", "substeps", WSIM_SCENE, "wsim:substeps", "int", uniform=True),
+    AttributeEntry("Scene", "iterations", WSIM_SCENE, "wsim:iterations", "int", uniform=True),
+    AttributeEntry("Scene", "solver", WSIM_SCENE, "wsim:solver", "token", uniform=True),
+    AttributeEntry("Scene", "integrator", WSIM_SCENE, "wsim:integrator", "token", uniform=True),
 
-    Entry("Bulk", "model", WSIM_MATERIAL, "wsim:elasticModel", "token", uniform=True),
+    AttributeEntry("Bulk", "model", WSIM_MATERIAL, "wsim:elasticModel", "token", uniform=True),
 
-    Entry("Elastic", "young", SURFACE_MATERIAL, "physics:youngsModulus", "float", "Pa"),
-    Entry("Elastic", "curve_stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
+    AttributeEntry("Elastic", "young", SURFACE_MATERIAL, "physics:youngsModulus", "float", "Pa"),
+    AttributeEntry("Elastic", "curve_stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
 
-    Entry("Friction", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
+    AttributeEntry("Friction", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
 
-    Entry("Body", "mass", BODY, "physics:mass", "float", "kg"),
-    Entry("Body", "density", BODY, "physics:density", "float", "kg/m^3"),
-    Entry("Body", "enabled", BODY, "physics:bodyEnabled", "bool"),
-    Entry("Body", "kinematic", BODY, "physics:kinematicEnabled", "bool"),
+    AttributeEntry("Body", "mass", BODY, "physics:mass", "float", "kg"),
+    AttributeEntry("Body", "density", BODY, "physics:density", "float", "kg/m^3"),
+    AttributeEntry("Body", "enabled", BODY, "physics:bodyEnabled", "bool"),
+    AttributeEntry("Body", "kinematic", BODY, "physics:kinematicEnabled", "bool"),
 
-    Entry("Cloth", "points", "Mesh", "points", "point3f[]", "m"),
-    Entry("Cloth", "counts", "Mesh", "faceVertexCounts", "int[]"),
-    Entry("Cloth", "indices", "Mesh", "faceVertexIndices", "int[]"),
-    Entry("Cloth", "velocities", "Mesh", "velocities", "vector3f[]", "m/s"),
-    Entry("Cloth", "rest_points", SURFACE_SIM, "physics:restShapePoints", "point3f[]", "m"),
-    Entry("Cloth", "masses", SURFACE_SIM, "physics:masses", "float[]", "kg"),
-    Entry("Cloth", "thicknesses", SURFACE_SIM, "physics:thicknesses", "float[]", "m"),
-    Entry("Cloth", "model", WSIM_CLOTH, "wsim:model", "token", uniform=True),
-    Entry("Cloth", "tethers", WSIM_CLOTH, "wsim:tethers", "bool", uniform=True),
-    Entry("Cloth", "self_collision", WSIM_CLOTH, "wsim:selfCollision", "bool", uniform=True),
+    AttributeEntry("Cloth", "points", "Mesh", "points", "point3f[]", "m"),
+    AttributeEntry("Cloth", "counts", "Mesh", "faceVertexCounts", "int[]"),
+    AttributeEntry("Cloth", "indices", "Mesh", "faceVertexIndices", "int[]"),
+    AttributeEntry("Cloth", "velocities", "Mesh", "velocities", "vector3f[]", "m/s"),
+    AttributeEntry("Cloth", "rest_points", SURFACE_SIM, "physics:restShapePoints", "point3f[]", "m"),
+    AttributeEntry("Cloth", "masses", SURFACE_SIM, "physics:masses", "float[]", "kg"),
+    AttributeEntry("Cloth", "thicknesses", SURFACE_SIM, "physics:thicknesses", "float[]", "m"),
+    AttributeEntry("Cloth", "model", WSIM_CLOTH, "wsim:model", "token", uniform=True),
+    AttributeEntry("Cloth", "tethers", WSIM_CLOTH, "wsim:tethers", "bool", uniform=True),
+    AttributeEntry("Cloth", "self_collision", WSIM_CLOTH, "wsim:selfCollision", "bool", uniform=True),
 
-    Entry("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
-    Entry("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
-    Entry("Elements", "rest_angles", SURFACE_SIM, "physics:restBendAnglesDefault", "token", uniform=True),
+    AttributeEntry("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
+    AttributeEntry("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
+    AttributeEntry("Elements", "rest_angles", SURFACE_SIM, "physics:restBendAnglesDefault", "token", uniform=True),
 
-    Entry("Soft", "points", "TetMesh", "points", "point3f[]", "m"),
-    Entry("Soft", "tets", "TetMesh", "tetVertexIndices", "int4[]"),
-    Entry("Soft", "surface", "TetMesh", "surfaceFaceVertexIndices", "int3[]"),
-    Entry("Soft", "orientation", "TetMesh", "orientation", "token", uniform=True),
-    Entry("Soft", "velocities", "TetMesh", "velocities", "vector3f[]", "m/s"),
-    Entry("Soft", "rest_points", VOLUME_SIM, "physics:restShapePoints", "point3f[]", "m"),
-    Entry("Soft", "rest_tets", VOLUME_SIM, "physics:restTetVertexIndices", "int4[]"),
-    Entry("Soft", "masses", VOLUME_SIM, "physics:masses", "float[]", "kg"),
-    Entry("Soft", "masses_of", VOLUME_SIM, "physics:masses:elementType", "token", uniform=True),
-    Entry("Soft", "quadratic", WSIM_SOFT, "wsim:quadratic", "bool", uniform=True),
-    Entry("Soft", "filled", WSIM_SOFT, "wsim:filled", "float[]"),
-    Entry("Soft", "self_collision", WSIM_SOFT, "wsim:selfCollision", "bool", uniform=True),
+    AttributeEntry("Soft", "points", "TetMesh", "points", "point3f[]", "m"),
+    AttributeEntry("Soft", "tets", "TetMesh", "tetVertexIndices", "int4[]"),
+    AttributeEntry("Soft", "surface", "TetMesh", "surfaceFaceVertexIndices", "int3[]"),
+    AttributeEntry("Soft", "orientation", "TetMesh", "orientation", "token", uniform=True),
+    AttributeEntry("Soft", "velocities", "TetMesh", "velocities", "vector3f[]", "m/s"),
+    AttributeEntry("Soft", "rest_points", VOLUME_SIM, "physics:restShapePoints", "point3f[]", "m"),
+    AttributeEntry("Soft", "rest_tets", VOLUME_SIM, "physics:restTetVertexIndices", "int4[]"),
+    AttributeEntry("Soft", "masses", VOLUME_SIM, "physics:masses", "float[]", "kg"),
+    AttributeEntry("Soft", "masses_of", VOLUME_SIM, "physics:masses:elementType", "token", uniform=True),
+    AttributeEntry("Soft", "quadratic", WSIM_SOFT, "wsim:quadratic", "bool", uniform=True),
+    AttributeEntry("Soft", "filled", WSIM_SOFT, "wsim:filled", "float[]"),
+    AttributeEntry("Soft", "self_collision", WSIM_SOFT, "wsim:selfCollision", "bool", uniform=True),
 
-    Entry("Part", "tets", "GeomSubset", "indices", "int[]"),
-    Entry("Part", "kind", "GeomSubset", "elementType", "token", uniform=True),
-    Entry("Part", "family", "GeomSubset", "familyName", "token", uniform=True),
+    AttributeEntry("Part", "tets", "GeomSubset", "indices", "int[]"),
+    AttributeEntry("Part", "kind", "GeomSubset", "elementType", "token", uniform=True),
+    AttributeEntry("Part", "family", "GeomSubset", "familyName", "token", uniform=True),
 
-    Entry("Pose", "points", f"{POSE}:bind", "physics:deformablePose:bind:points", "point3f[]", "m"),
-    Entry("Pose", "purposes", f"{POSE}:bind", "physics:deformablePose:bind:purposes", "token[]", uniform=True),
+    AttributeEntry("Pose", "points", f"{POSE}:bind", "physics:deformablePose:bind:points", "point3f[]", "m"),
+    AttributeEntry("Pose", "purposes", f"{POSE}:bind", "physics:deformablePose:bind:purposes", "token[]", uniform=True),
 
-    Entry("Springs", "points", "BasisCurves", "points", "point3f[]", "m"),
-    Entry("Springs", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
-    Entry("Springs", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
-    Entry("Springs", "particles", WSIM_SPRINGS, "wsim:particles", "int[]", uniform=True),
-    Entry("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
-    Entry("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
+    AttributeEntry("Springs", "points", "BasisCurves", "points", "point3f[]", "m"),
+    AttributeEntry("Springs", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
+    AttributeEntry("Springs", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
+    AttributeEntry("Springs", "particles", WSIM_SPRINGS, "wsim:particles", "int[]", uniform=True),
+    AttributeEntry("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
+    AttributeEntry("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
 
-    Entry("Rods", "points", "BasisCurves", "points", "point3f[]", "m"),
-    Entry("Rods", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
-    Entry("Rods", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
-    Entry("Rods", "directors", "BasisCurves", "normals", "normal3f[]"),
-    Entry("Rods", "rest_points", CURVES_SIM, "physics:restShapePoints", "point3f[]", "m"),
-    Entry("Rods", "rest_directors", CURVES_SIM, "physics:restNormals", "normal3f[]"),
-    Entry("Rods", "diameters", CURVES_SIM, "physics:thicknesses", "float[]", "m"),
-    Entry("Rods", "masses", CURVES_SIM, "physics:masses", "float[]", "kg"),
-    Entry("Rods", "self_collision", WSIM_RODS, "wsim:selfCollision", "bool", uniform=True),
-    Entry("Rods", "drag", WSIM_RODS, "wsim:drag", "double"),
-    Entry("Rods", "skin_drag", WSIM_RODS, "wsim:skinDrag", "double"),
-    Entry("Followers", "points", "BasisCurves", "points", "point3f[]", "m"),
-    Entry("Followers", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
-    Entry("RodMaterial", "young", CURVES_MATERIAL, "physics:youngsModulus", "float", "Pa"),
-    Entry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
-    Entry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
-    Entry("RodMaterial", "bend", CURVES_MATERIAL, "physics:curvesBendStiffness", "float", "N m^2"),
-    Entry("RodMaterial", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
-    Entry("RodMaterial", "twist", CURVES_MATERIAL, "physics:curvesTwistStiffness", "float", "N m^2"),
+    AttributeEntry("Rods", "points", "BasisCurves", "points", "point3f[]", "m"),
+    AttributeEntry("Rods", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
+    AttributeEntry("Rods", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
+    AttributeEntry("Rods", "directors", "BasisCurves", "normals", "normal3f[]"),
+    AttributeEntry("Rods", "rest_points", CURVES_SIM, "physics:restShapePoints", "point3f[]", "m"),
+    AttributeEntry("Rods", "rest_directors", CURVES_SIM, "physics:restNormals", "normal3f[]"),
+    AttributeEntry("Rods", "diameters", CURVES_SIM, "physics:thicknesses", "float[]", "m"),
+    AttributeEntry("Rods", "masses", CURVES_SIM, "physics:masses", "float[]", "kg"),
+    AttributeEntry("Rods", "self_collision", WSIM_RODS, "wsim:selfCollision", "bool", uniform=True),
+    AttributeEntry("Rods", "drag", WSIM_RODS, "wsim:drag", "double"),
+    AttributeEntry("Rods", "skin_drag", WSIM_RODS, "wsim:skinDrag", "double"),
+    AttributeEntry("Followers", "points", "BasisCurves", "points", "point3f[]", "m"),
+    AttributeEntry("Followers", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
+    AttributeEntry("RodMaterial", "young", CURVES_MATERIAL, "physics:youngsModulus", "float", "Pa"),
+    AttributeEntry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
+    AttributeEntry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
+    AttributeEntry("RodMaterial", "bend", CURVES_MATERIAL, "physics:curvesBendStiffness", "float", "N m^2"),
+    AttributeEntry("RodMaterial", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
+    AttributeEntry("RodMaterial", "twist", CURVES_MATERIAL, "physics:curvesTwistStiffness", "float", "N m^2"),
 
-    Entry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),
-    Entry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
-    Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
-    Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
+    AttributeEntry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),
+    AttributeEntry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
+    AttributeEntry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
+    AttributeEntry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
-    Entry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
-    Entry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),
-    Entry("Corrective", "rotation", WSIM_CORRECTIVE, "wsim:corrective:rotation", "quatf", uniform=True),
-    Entry("Corrective", "width", WSIM_CORRECTIVE, "wsim:corrective:width", "float", uniform=True),
+    AttributeEntry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
+    AttributeEntry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),
+    AttributeEntry("Corrective", "rotation", WSIM_CORRECTIVE, "wsim:corrective:rotation", "quatf", uniform=True),
+    AttributeEntry("Corrective", "width", WSIM_CORRECTIVE, "wsim:corrective:width", "float", uniform=True),
 
-    Entry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
-    Entry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
-    Entry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
-    Entry("Fluid", "layers", WSIM_DOMAIN, "wsim:fluid:layers", "bool", uniform=True),
-    Entry("Fluid", "advection", WSIM_DOMAIN, "wsim:fluid:advection", "token", uniform=True),
-    Entry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
-    Entry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),
-    Entry("Fluid", "steps", WSIM_DOMAIN, "wsim:fluid:steps", "int", uniform=True),
-    Entry("Fluid", "margin", WSIM_DOMAIN, "wsim:fluid:margin", "double", uniform=True),
-    Entry("Fluid", "conserve", WSIM_DOMAIN, "wsim:fluid:conserve", "bool", uniform=True),
-    Entry("Fluid", "most_steps", WSIM_DOMAIN, "wsim:fluid:mostSteps", "int", uniform=True),
-    Entry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
-    Entry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),
-    Entry("Fluid", "temperature", WSIM_DOMAIN, "wsim:fluid:startTemperature", "float[]"),
-    Entry("Fluid", "acceleration", WSIM_DOMAIN, "wsim:fluid:acceleration", "vector3f[]", "m/s^2"),
-    Entry("Source", "hold", WSIM_SOURCE, "wsim:fluid:hold", "bool", uniform=True),
-    Entry("Source", "velocity", WSIM_SOURCE, "wsim:fluid:velocity", "vector3d", "m/s"),
-    Entry("Source", "strength", WSIM_SOURCE, "wsim:fluid:strength", "double"),
-    Entry("Liquid", "sides", WSIM_LIQUID, "wsim:liquid:sides", "token[]", uniform=True),
-    Entry("Liquid", "transfer", WSIM_LIQUID, "wsim:liquid:transfer", "token", uniform=True),
-    Entry("Liquid", "volume", WSIM_LIQUID, "wsim:liquid:keepVolume", "bool", uniform=True),
-    Entry("Liquid", "steps", WSIM_LIQUID, "wsim:liquid:steps", "int", uniform=True),
-    Entry("Liquid", "most_steps", WSIM_LIQUID, "wsim:liquid:mostSteps", "int", uniform=True),
-    Entry("LiquidSource", "role", WSIM_POUR, "wsim:liquid:role", "token", uniform=True),
-    Entry("LiquidSource", "velocity", WSIM_POUR, "wsim:liquid:velocity", "vector3d", "m/s"),
-    Entry("LiquidSource", "strength", WSIM_POUR, "wsim:liquid:strength", "double"),
+    AttributeEntry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
+    AttributeEntry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
+    AttributeEntry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
+    AttributeEntry("Fluid", "layers", WSIM_DOMAIN, "wsim:fluid:layers", "bool", uniform=True),
+    AttributeEntry("Fluid", "advection", WSIM_DOMAIN, "wsim:fluid:advection", "token", uniform=True),
+    AttributeEntry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
+    AttributeEntry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),
+    AttributeEntry("Fluid", "steps", WSIM_DOMAIN, "wsim:fluid:steps", "int", uniform=True),
+    AttributeEntry("Fluid", "margin", WSIM_DOMAIN, "wsim:fluid:margin", "double", uniform=True),
+    AttributeEntry("Fluid", "conserve", WSIM_DOMAIN, "wsim:fluid:conserve", "bool", uniform=True),
+    AttributeEntry("Fluid", "most_steps", WSIM_DOMAIN, "wsim:fluid:mostSteps", "int", uniform=True),
+    AttributeEntry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
+    AttributeEntry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),
+    AttributeEntry("Fluid", "temperature", WSIM_DOMAIN, "wsim:fluid:startTemperature", "float[]"),
+    AttributeEntry("Fluid", "acceleration", WSIM_DOMAIN, "wsim:fluid:acceleration", "vector3f[]", "m/s^2"),
+    AttributeEntry("Source", "hold", WSIM_SOURCE, "wsim:fluid:hold", "bool", uniform=True),
+    AttributeEntry("Source", "velocity", WSIM_SOURCE, "wsim:fluid:velocity", "vector3d", "m/s"),
+    AttributeEntry("Source", "strength", WSIM_SOURCE, "wsim:fluid:strength", "double"),
+    AttributeEntry("Liquid", "sides", WSIM_LIQUID, "wsim:liquid:sides", "token[]", uniform=True),
+    AttributeEntry("Liquid", "transfer", WSIM_LIQUID, "wsim:liquid:transfer", "token", uniform=True),
+    AttributeEntry("Liquid", "volume", WSIM_LIQUID, "wsim:liquid:keepVolume", "bool", uniform=True),
+    AttributeEntry("Liquid", "steps", WSIM_LIQUID, "wsim:liquid:steps", "int", uniform=True),
+    AttributeEntry("Liquid", "most_steps", WSIM_LIQUID, "wsim:liquid:mostSteps", "int", uniform=True),
+    AttributeEntry("LiquidSource", "role", WSIM_POUR, "wsim:liquid:role", "token", uniform=True),
+    AttributeEntry("LiquidSource", "velocity", WSIM_POUR, "wsim:liquid:velocity", "vector3d", "m/s"),
+    AttributeEntry("LiquidSource", "strength", WSIM_POUR, "wsim:liquid:strength", "double"),
 
-    Entry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
-    Entry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
-    Entry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
-    Entry("Pin", "points", ATTACHMENT, "physics:indices0", "int[]"),
-    Entry("Pin", "places", ATTACHMENT, "physics:coords1", "vector3f[]", "m"),
-    Entry("Tie", "points", ATTACHMENT, "physics:indices0", "int[]"),
-    Entry("Tie", "others", ATTACHMENT, "physics:indices1", "int[]"),
-    Entry("Pin", "reaction", WSIM_ATTACHMENT, "wsim:reaction", "vector3f[]", "N"),
-    Entry("Pin", "reaction_noise", WSIM_ATTACHMENT, "wsim:reactionNoise", "float", "N"),
-    Entry("Pin", "reaction_weights", WSIM_ATTACHMENT, "wsim:reactionWeights", "float[]"),
+    AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
+    AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
+    AttributeEntry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
+    AttributeEntry("Pin", "points", ATTACHMENT, "physics:indices0", "int[]"),
+    AttributeEntry("Pin", "places", ATTACHMENT, "physics:coords1", "vector3f[]", "m"),
+    AttributeEntry("Tie", "points", ATTACHMENT, "physics:indices0", "int[]"),
+    AttributeEntry("Tie", "others", ATTACHMENT, "physics:indices1", "int[]"),
+    AttributeEntry("Pin", "reaction", WSIM_ATTACHMENT, "wsim:reaction", "vector3f[]", "N"),
+    AttributeEntry("Pin", "reaction_noise", WSIM_ATTACHMENT, "wsim:reactionNoise", "float", "N"),
+    AttributeEntry("Pin", "reaction_weights", WSIM_ATTACHMENT, "wsim:reactionWeights", "float[]"),
 
-    Entry("Load", "points", WSIM_LOAD, "wsim:load:points", "int[]", uniform=True),
-    Entry("Load", "weights", WSIM_LOAD, "wsim:load:weights", "float[]", uniform=True),
-    Entry("Load", "triangles", WSIM_LOAD, "wsim:load:triangles", "int3[]", uniform=True),
+    AttributeEntry("Load", "points", WSIM_LOAD, "wsim:load:points", "int[]", uniform=True),
+    AttributeEntry("Load", "weights", WSIM_LOAD, "wsim:load:weights", "float[]", uniform=True),
+    AttributeEntry("Load", "triangles", WSIM_LOAD, "wsim:load:triangles", "int3[]", uniform=True),
 )
 
 
-def of_values() -> list[Entry]:
+def value_attribute_entries() -> list[AttributeEntry]:
     """Rows of the table of values; those of a material are of its class, `HOLDERS`."""
     found = {}
     for value in table.VALUES:
         if usd := value.usd:
             owner = HOLDERS.get(value.owner, value.owner) if usd.schema in table.MATERIALS else value.owner
-            found[owner, value.name] = Entry(owner, value.name, usd.schema, usd.attribute, usd.type, value.unit, usd.uniform)
+            found[owner, value.name] = AttributeEntry(owner, value.name, usd.schema, usd.attribute, usd.type, value.unit,
+                                                      usd.uniform)
     return list(found.values())
 
 
 HOLDERS = {"Cloth": "Fabric", "Soft": "Bulk", "Springs": "Friction", "Collider": "Friction"}
-TABLE = (*OTHERS, *of_values())
+TABLE = (*OTHERS, *value_attribute_entries())
 # primvars wsim:<name> of values with one number for each element, and their units (`wsim.usd.result.fields`)
-PER_TET = {v.name: v.unit for v in table.of("Soft").values() if v.each and v.form == "number"}
-PER_ELEMENT = {v.name: v.unit for v in table.of("Cloth").values() if v.each and v.form == "number"}
+PER_TET = {v.name: v.unit for v in table.values_of_class("Soft").values() if v.each and v.form == "number"}
+PER_ELEMENT = {v.name: v.unit for v in table.values_of_class("Cloth").values() if v.each and v.form == "number"}
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
 INTO = "wsim:fluid:domain"                                       # relationship of WsimFluidSourceAPI: one domain; none: all
@@ -243,16 +244,16 @@ UNREAD = (
 _ROWS = {(row.owner, row.field): row for row in TABLE}
 
 
-def row(owner: str, field: str) -> Entry:
+def attribute_entry(owner: str, field: str) -> AttributeEntry:
     """The row of one field. KeyError if neither this table nor that of values has one."""
     if (owner, field) not in _ROWS:
-        return {(entry.owner, entry.field): entry for entry in of_values()}[owner, field]
+        return {(entry.owner, entry.field): entry for entry in value_attribute_entries()}[owner, field]
     return _ROWS[owner, field]
 
 
-def fields(owner: str, schema: str = "") -> list[str]:
+def schema_fields(owner: str, schema: str = "") -> list[str]:
     """Fields of an owner that are values, of one schema or of all, in the order of their table."""
-    return [entry.field for entry in of_values() if entry.owner == owner and schema in ("", entry.schema)]
+    return [entry.field for entry in value_attribute_entries() if entry.owner == owner and schema in ("", entry.schema)]
 
 
 # Older and foreign spellings: what is found -> what the current revision calls it. They are reported, not read.

@@ -8,9 +8,9 @@ from difflib import get_close_matches
 from pxr import Usd, UsdShade
 
 from wsim.usd import names
-from wsim.usd.load_varying import CURVES, sampled
-from wsim.usd.names import FOREIGN_ATTRIBUTES, FOREIGN_PREFIXES, FOREIGN_SCHEMAS, FOREIGN_TYPES, TABLE, UNREAD, row
-from wsim.usd.stage import Reading, applied
+from wsim.usd.load_varying import CURVES, is_time_varying
+from wsim.usd.names import FOREIGN_ATTRIBUTES, FOREIGN_PREFIXES, FOREIGN_SCHEMAS, FOREIGN_TYPES, TABLE, UNREAD, attribute_entry
+from wsim.usd.stage import StageReading, applied_schemas
 
 WSIM, PRIMVAR, RESTART = "wsim:", "primvars:wsim:", "wsim:restart:"
 FIELDS = dict.fromkeys(names.PER_TET, names.VOLUME_SIM) | dict.fromkeys(
@@ -28,7 +28,7 @@ DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM,
               names.VOLUME_MATERIAL, names.ATTACHMENT, names.PHYSICS_SCENE, "Material"}    # whose physics: names wsim reads
 
 
-def _places() -> dict[str, set[str]]:
+def _attribute_schemas() -> dict[str, set[str]]:
     """Where each attribute of wsim is read."""
     found: dict[str, set[str]] = {names.ORDER: {names.PHYSICS_SCENE}, names.LOADED: {names.WSIM_LOAD},
                                     names.INTO: {names.WSIM_SOURCE}, names.POURED: {names.WSIM_POUR},
@@ -36,22 +36,22 @@ def _places() -> dict[str, set[str]]:
     for entry in TABLE:
         if entry.attribute.startswith(WSIM):
             found.setdefault(entry.attribute, set()).add(PLACES[entry.schema])
-    found[row("Fabric", "thickness").attribute].add(names.SURFACE_SIM)           # beside the float of the mesh
+    found[attribute_entry("Fabric", "thickness").attribute].add(names.SURFACE_SIM)  # beside the float of the mesh
     return found | {PRIMVAR + name: {place} for name, place in FIELDS.items()} | {
         PRIMVAR + "pin": {names.SURFACE_SIM, names.VOLUME_SIM}}                  # `wsim.usd.prims.painted`
 
 
-READ = _places()
+READ = _attribute_schemas()
 BINDINGS, OWNER = ("material:binding:physics", "material:binding"), "physics:simulationOwner"
 OF_JOINTS = ("physics:", "drive:", "limit:")
 PHYSICS = {entry.attribute for entry in TABLE if entry.attribute.startswith("physics:")} | set(UNREAD)
 
 
-def spelling(reading: Reading, prim: Usd.Prim) -> None:
+def check_spelling(reading: StageReading, prim: Usd.Prim) -> None:
     """Warns of names on a prim that do nothing; notes the attributes that are sampled in time."""
-    apis, kind = applied(prim), prim.GetTypeName()
+    apis, kind = applied_schemas(prim), prim.GetTypeName()
     for api in (*apis, kind):
-        _schema(reading, prim, api)
+        _warn_unknown_schema(reading, prim, api)
     is_, own = {*apis, kind}, set(map(str, prim.GetAuthoredPropertyNames()))
     for name in sorted(own):
         if name in FOREIGN_ATTRIBUTES:
@@ -60,17 +60,17 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
             reading.warn(prim.GetPath(), f"{name} is a foreign spelling and not read; the current namespace is "
                          f"{FOREIGN_PREFIXES[prefix]}")
         elif name.startswith((WSIM, PRIMVAR)) and not name.startswith(RESTART):
-            _wsim(reading, prim, name, is_)
+            _warn_wsim_attribute(reading, prim, name, is_)
         elif name.startswith("physics:") and is_ & DEFORMABLE and name not in PHYSICS:
-            _physics(reading, prim, name)
+            _warn_physics_attribute(reading, prim, name)
         elif name.startswith("drive:") and name.endswith(":physics:type") or name == "orientation":
-            _token(reading, prim, name)
+            _warn_bad_token(reading, prim, name)
         known = name in READ or name in PHYSICS or kind.endswith("Joint") and name.startswith(OF_JOINTS)
-        if known and name not in CURVES and sampled(prim.GetAttribute(name)):
+        if known and name not in CURVES and is_time_varying(prim.GetAttribute(name)):
             reading.sampled.append(prim.GetAttribute(name).GetPath())
 
 
-def _token(reading: Reading, prim: Usd.Prim, name: str) -> None:
+def _warn_bad_token(reading: StageReading, prim: Usd.Prim, name: str) -> None:
     """Warns of a token that its schema does not allow; it is read as the first allowed one."""
     allowed = prim.GetPrimDefinition().GetPropertyMetadata(name, "allowedTokens") or ()
     if allowed and (value := prim.GetAttribute(name).Get(reading.start)) not in allowed:
@@ -78,7 +78,7 @@ def _token(reading: Reading, prim: Usd.Prim, name: str) -> None:
                      "choose one")
 
 
-def _schema(reading: Reading, prim: Usd.Prim, name: str) -> None:
+def _warn_unknown_schema(reading: StageReading, prim: Usd.Prim, name: str) -> None:
     """A type or an applied API."""
     if name in names.FEATURES:
         reading.warn(prim.GetPath(), f"wsim does not simulate {names.FEATURES[name]} ({name})")
@@ -88,11 +88,11 @@ def _schema(reading: Reading, prim: Usd.Prim, name: str) -> None:
         reading.warn(prim.GetPath(), f"{name} is not read; the current type is {names.ATTACHMENT}, with physics:type0 and "
                      "physics:type1")
     elif (name.startswith(("Physics", "Wsim", "physics", "wsim")) and name.partition(":")[0] not in SCHEMAS
-          and not _known(name) and (close := get_close_matches(name, SCHEMAS, 1, 0.8))):
+          and not _is_known_schema(name) and (close := get_close_matches(name, SCHEMAS, 1, 0.8))):
         reading.warn(prim.GetPath(), f"{name} is no schema that wsim or USD knows, and does nothing; did you mean {close[0]}?")
 
 
-def _known(name: str) -> bool:
+def _is_known_schema(name: str) -> bool:
     """Whether USD has a schema of that name."""
     registry = Usd.SchemaRegistry()
     plain = name.partition(":")[0]
@@ -100,7 +100,7 @@ def _known(name: str) -> bool:
                 or registry.IsAppliedAPISchema(plain))
 
 
-def _wsim(reading: Reading, prim: Usd.Prim, name: str, is_: set[str]) -> None:
+def _warn_wsim_attribute(reading: StageReading, prim: Usd.Prim, name: str, is_: set[str]) -> None:
     if name not in READ:
         mine = [n for n, places in READ.items() if places & is_]
         close = get_close_matches(name, mine, 1, 0.7) or get_close_matches(name, list(READ), 1, 0.7)
@@ -113,7 +113,7 @@ def _wsim(reading: Reading, prim: Usd.Prim, name: str, is_: set[str]) -> None:
                      f"read on {places}: author it there")
 
 
-def _physics(reading: Reading, prim: Usd.Prim, name: str) -> None:
+def _warn_physics_attribute(reading: StageReading, prim: Usd.Prim, name: str) -> None:
     if prim.GetPrimDefinition().GetPropertyDefinition(name) or name.startswith("physics:deformablePose:"):
         return
     close = get_close_matches(name, PHYSICS, 1, 0.8)
@@ -121,28 +121,28 @@ def _physics(reading: Reading, prim: Usd.Prim, name: str) -> None:
                  + (f"; did you mean {close[0]}?" if close else ""))
 
 
-def targets(reading: Reading, prim: Usd.Prim) -> None:
+def warn_missing_targets(reading: StageReading, prim: Usd.Prim) -> None:
     """Warns of a selected variant, a bound physics material and a simulation owner of a prim that do not exist."""
     for name, chosen in (prim.GetVariantSets().GetAllVariantSelections() if prim.HasVariantSets() else {}).items():
         if chosen and chosen not in (has := prim.GetVariantSet(name).GetVariantNames()):
             reading.warn(prim.GetPath(), f"its variant set {name} has no variant {chosen!r}, so no variant is selected; choose "
                          f"one of {', '.join(has) or 'those it has'}")
-    if not any(api.startswith(("Physics", "Wsim")) for api in applied(prim)):
+    if not any(api.startswith(("Physics", "Wsim")) for api in applied_schemas(prim)):
         return
     for name in BINDINGS:
-        for target in _targets(prim, name):
+        for target in _forwarded_targets(prim, name):
             found = reading.stage.GetPrimAtPath(target)
             if not UsdShade.Material(found):
                 what = f"is a {found.GetTypeName() or 'prim without a type'}, not a Material" if found else "is no prim"
                 reading.warn(prim.GetPath(), f"{name} names {target}, which {what}: material values are defaults; name a "
                              "Material, or remove the binding")
             return
-    for target in _targets(prim, OWNER):
+    for target in _forwarded_targets(prim, OWNER):
         found = reading.stage.GetPrimAtPath(target)
         if not found or found.GetTypeName() != names.PHYSICS_SCENE:
             reading.warn(prim.GetPath(), f"{OWNER} names {target}, which is no {names.PHYSICS_SCENE}; name one, or remove it")
 
 
-def _targets(prim: Usd.Prim, name: str) -> list:
+def _forwarded_targets(prim: Usd.Prim, name: str) -> list:
     relationship = prim.GetRelationship(name)
     return relationship.GetForwardedTargets() if relationship else []

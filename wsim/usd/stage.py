@@ -27,7 +27,7 @@ if not Plug.Registry().GetPluginWithName("wsim"):
 
 
 @dataclass(frozen=True)
-class Units:
+class StageUnits:
     """metres [m] and kilograms [kg] of a stage unit; up axis; frames (time codes) a second; time code of time 0."""
 
     metres: float = 1.0
@@ -37,9 +37,9 @@ class Units:
     start: float = 0.0
 
     @staticmethod
-    def of(stage: Usd.Stage) -> "Units":
-        return Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage),
-                     UsdGeom.GetStageUpAxis(stage), stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode())
+    def of(stage: Usd.Stage) -> "StageUnits":
+        return StageUnits(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage),
+                          UsdGeom.GetStageUpAxis(stage), stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode())
 
     def factor(self, unit: str) -> float:
         """SI value of one stage unit of `unit`, a key of `names.UNITS`."""
@@ -56,11 +56,11 @@ class Units:
 
 
 @dataclass
-class Reading:
+class StageReading:
     """A stage while it is read: units, frames to simulate, what was found wrong, and caches by time code."""
 
     stage: Usd.Stage
-    units: Units
+    units: StageUnits
     frames: int = 0
     points: bool = False                                 # cloth, springs or soft bodies are there
     problems: list[Problem] = field(default_factory=list)
@@ -68,7 +68,7 @@ class Reading:
     materials: dict = field(default_factory=dict)
     sampled: list = field(default_factory=list)          # paths of attributes that may differ from time to time
     followed: set = field(default_factory=set)           # those of them that became curves
-    skinned: dict = field(default_factory=dict)          # what a skeleton moves: {path: wsim.usd.prims.skeletons.Bound}
+    skinned: dict = field(default_factory=dict)          # what a skeleton moves: {path: wsim.usd.prims.skeletons.SkinnedMesh}
     bones: dict = field(default_factory=dict)            # skeletons that something follows: {path: Skeleton, None: broken}
     placed: set = field(default_factory=set)             # paths of prims whose transforms were checked
     held: dict | None = None                             # what holds rigid bodies without mass, by path; None: not known yet
@@ -88,7 +88,7 @@ class Reading:
             self.problems.append(problem)
 
 
-def applied(prim: Usd.Prim) -> list[str]:
+def applied_schemas(prim: Usd.Prim) -> list[str]:
     """Names of the API schemas of a prim, those that USD does not know included."""
     return list(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
 
@@ -99,8 +99,8 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
     variants    {prim path: {variant set: variant}}, chosen in the session layer: the file is not touched
     notes       receives a warning for each reference, payload or asset that cannot be resolved
 
-    What a run writes or left unfinished is read as it was saved last (`wsim.usd.result.crate.read`). Raises SceneError if the
-    file is missing, is no USD, or cannot be read, or if a variant does not exist.
+    What a run writes or left unfinished is read as it was saved last (`wsim.usd.result.crate.read_crate_layer`). Raises
+    SceneError if the file is missing, is no USD, or cannot be read, or if a variant does not exist.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise SceneError(Problem("scene", f"is a {type(path).__name__}; give a wsim.Scene, the path of a USD file or a "
@@ -110,17 +110,18 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
         raise SceneError(Problem(path, "there is no such file; give the path of a .usda, .usdc, .usd or .usdz file"))
     if os.path.isdir(path):
         raise SceneError(Problem(path, "is a folder; give the path of a .usda, .usdc, .usd or .usdz file"))
-    with quiet(found):
+    with collect_warnings(found):
         try:
-            stage = Usd.Stage.Open(unfinished(path) or path)
-            _refresh(stage)
+            stage = Usd.Stage.Open(read_unfinished_layer(path) or path)
+            _reload_changed_layers(stage)
         except Tf.ErrorException as error:
-            raise SceneError(Problem(path, f"is not a readable USD file: {reason(error)}{describe_import(path)}")) from None
+            raise SceneError(Problem(path,
+                                     f"is not a readable USD file: {usd_error_text(error)}{describe_import(path)}")) from None
         except OSError as error:
             raise SceneError(Problem(path, f"cannot be read: {error}")) from None
         if variants:
-            _choose(stage, variants)
-    found.extend(_unresolved(stage))
+            _select_variants(stage, variants)
+    found.extend(_unresolved_assets(stage))
     return stage
 
 
@@ -134,7 +135,7 @@ def describe_import(path: str) -> str:
     return "" if ending in (*SUFFIXES, ".usdz") else "; export it to USD or OBJ from the program that made it"
 
 
-def source_of(stage: Usd.Stage, notes: list[Problem], variants: dict | None = None) -> str | None:
+def stage_source_file(stage: Usd.Stage, notes: list[Problem], variants: dict | None = None) -> str | None:
     """The file of an open stage, where it says what the stage says. None, with a warning in `notes`, of a stage in memory or
     with edits that are not saved. Raises SceneError where variants are asked for."""
     root, session = stage.GetRootLayer(), stage.GetSessionLayer()
@@ -150,17 +151,17 @@ def source_of(stage: Usd.Stage, notes: list[Problem], variants: dict | None = No
     return None
 
 
-def unfinished(path: str) -> Sdf.Layer | None:
+def read_unfinished_layer(path: str) -> Sdf.Layer | None:
     """The layer of a file that a run writes or left unfinished, apart from that run; None for all other files."""
     real = os.path.realpath(path)
-    if not (real.endswith(crate.PARTIAL) or crate.growing(real)):
+    if not (real.endswith(crate.PARTIAL) or crate.is_being_written(real)):
         return None
-    layer = crate.read(real)
-    return layer if crate.made(layer) else None
+    layer = crate.read_crate_layer(real)
+    return layer if crate.is_wsim_result(layer) else None
 
 
 @contextmanager
-def quiet(notes: list[Problem], stage: Usd.Stage | None = None) -> Iterator[None]:
+def collect_warnings(notes: list[Problem], stage: Usd.Stage | None = None) -> Iterator[None]:
     """Takes USD's own warnings into notes, which keeps them from standard error."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
@@ -178,7 +179,7 @@ def quiet(notes: list[Problem], stage: Usd.Stage | None = None) -> Iterator[None
                 notes.append(problem)
 
 
-def _refresh(stage: Usd.Stage) -> None:
+def _reload_changed_layers(stage: Usd.Stage) -> None:
     """Reads again what changed on disk since this process first opened it; unsaved edits are left alone."""
     for layer in stage.GetUsedLayers():
         if not (layer.dirty or layer.anonymous):
@@ -186,13 +187,13 @@ def _refresh(stage: Usd.Stage) -> None:
                 layer.Reload()
 
 
-def reason(error: Exception) -> str:
+def usd_error_text(error: Exception) -> str:
     """Message of USD, less its function names, files and line numbers; other errors in one line."""
     parts = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if line.strip()]
     return parts[0] if parts else "no reason given"
 
 
-def _choose(stage: Usd.Stage, variants: dict) -> None:
+def _select_variants(stage: Usd.Stage, variants: dict) -> None:
     """Sets variants, outer prims first: an inner prim may come with a variant. Raises SceneError naming what exists."""
     problems = []
     with Usd.EditContext(stage, stage.GetSessionLayer()):
@@ -204,21 +205,21 @@ def _choose(stage: Usd.Stage, variants: dict) -> None:
             for name, variant in variants[path].items():
                 sets = prim.GetVariantSets()
                 if name not in sets.GetNames():
-                    problems.append(Problem(path, f"has no variant set {name!r}; it has: {_listed(sets.GetNames())}"))
+                    problems.append(Problem(path, f"has no variant set {name!r}; it has: {_list_or_none(sets.GetNames())}"))
                 elif variant not in sets.GetVariantSet(name).GetVariantNames():
                     known = sets.GetVariantSet(name).GetVariantNames()
-                    problems.append(Problem(path, f"variant set {name!r} has no {variant!r}; it has: {_listed(known)}"))
+                    problems.append(Problem(path, f"variant set {name!r} has no {variant!r}; it has: {_list_or_none(known)}"))
                 else:
                     sets.SetSelection(name, variant)
     if problems:
         raise SceneError(problems)
 
 
-def _listed(names) -> str:
+def _list_or_none(names) -> str:
     return ", ".join(names) or "none"
 
 
-def _unresolved(stage: Usd.Stage) -> list[Problem]:
+def _unresolved_assets(stage: Usd.Stage) -> list[Problem]:
     """Warnings for assets that are named and not found."""
     notes = []
     for prim in stage.Traverse():

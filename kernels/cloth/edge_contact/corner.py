@@ -15,8 +15,8 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.edge_contact.edge import AWAY, EXACT
-from wsim.kernels.contact.mesh import SOLID, nearest, normal, reading
-from wsim.kernels.contact.shape import BOX, CONE, CYLINDER
+from wsim.kernels.contact.collider.shape import BOX, CONE, CYLINDER
+from wsim.kernels.contact.mesh import SOLID, corner_readers, nearest_face_func, triangle_normal
 from wsim.kernels.math.real import types
 
 LEANS = 0.1            # slope of m by which another place may reach higher: what is nearly flat moves to and fro
@@ -25,14 +25,14 @@ HIGH = 0.5             # of a triangle's longest edge: what pokes higher through
 
 
 @cache
-def poking(kinds: tuple[str, ...], real):
+def poking_corner_function(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, X: rows q of a triangle, m: its unit normal, j) -> (P, there): corner j of a collider that
     may poke through the triangle, in the collider's frame; there: it does not where another reaches higher along m."""
-    t, find, (corners, _) = types(real), nearest(("solid",)), reading(real)
+    t, find, (corners, _) = types(real), nearest_face_func(("solid",)), corner_readers(real)
     boxes, cylinders, cones, meshes = ("box" in kinds, "cylinder" in kinds, "cone" in kinds, "solid" in kinds)
 
     @wp.func
-    def rim(R: real, H: real, m: t.vec3):
+    def highest_rim_point(R: real, H: real, m: t.vec3):
         """Where the rim at z = H reaches highest along m; the middle of its disc where it is flat below m."""
         across = wp.sqrt(m[0] * m[0] + m[1] * m[1])
         P = t.vec3(real(0.0), real(0.0), H)
@@ -41,7 +41,7 @@ def poking(kinds: tuple[str, ...], real):
         return P
 
     @wp.func
-    def poking(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, m: t.vec3, j: int):
+    def find_poking_corner(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, m: t.vec3, j: int):
         P = t.vec3()
         there = bool(False)
         if boxes:
@@ -51,13 +51,13 @@ def poking(kinds: tuple[str, ...], real):
                 there = wp.min(wp.min(P[0] * m[0] / size[0], P[1] * m[1] / size[1]), P[2] * m[2] / size[2]) > -real(LEANS)
         if cylinders:
             if kind == CYLINDER and j < 2:
-                P = rim(size[0], wp.where(j == 0, -size[1], size[1]), m)
+                P = highest_rim_point(size[0], wp.where(j == 0, -size[1], size[1]), m)
                 there = P[2] * m[2] > -real(LEANS) * size[1]
         if cones:
             if kind == CONE and j < 2:
                 P = t.vec3(real(0.0), real(0.0), size[1])
                 if j == 0:
-                    P = rim(size[0], -size[1], m)
+                    P = highest_rim_point(size[0], -size[1], m)
                 apex = real(2.0) * size[1] * m[2] - size[0] * wp.sqrt(m[0] * m[0] + m[1] * m[1])    # above the rim, along m
                 there = wp.where(j == 0, -apex, apex) > -real(LEANS) * wp.max(size[0], size[1])
         if meshes:
@@ -69,23 +69,23 @@ def poking(kinds: tuple[str, ...], real):
                     Y = corners(mesh, face, j)
                     P = Y[0]
                     higher = wp.max(wp.dot(m, wp.normalize(Y[1] - P)), wp.dot(m, wp.normalize(Y[2] - P)))
-                    out = normal(Y)
+                    out = triangle_normal(Y)
                     if (wp.dot(out, middle - P) < real(0.0)) != (sign < float(0.0)):
                         out = -out
                     there = wp.max(higher, -wp.dot(m, out)) < real(LEANS)
         return P, there
 
-    return poking
+    return find_poking_corner
 
 
 @cache
-def through(kinds: tuple[str, ...], real):
+def corner_height_function(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, X: rows q, out: outward there, bound) -> (C, beta, m): the highest corner of a collider in a
     triangle, C the height of the triangle above it, below `bound` [m]; C is AWAY where there is none."""
-    t, corner = types(real), poking(kinds, real)
+    t, corner = types(real), poking_corner_function(kinds, real)
 
     @wp.func
-    def through(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, out: t.vec3, bound: real):
+    def highest_corner_through(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, out: t.vec3, bound: real):
         e0 = X[1] - X[0]
         e1 = X[2] - X[0]
         c = wp.cross(e0, e1)
@@ -111,4 +111,4 @@ def through(kinds: tuple[str, ...], real):
                         beta = t.vec3(u, v, w)
         return C, beta, m
 
-    return through
+    return highest_corner_through

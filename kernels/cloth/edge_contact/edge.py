@@ -16,9 +16,17 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.collide import split
-from wsim.kernels.contact.mesh import INSIDE, SOLID, nearest, normal, part, reading, toward
-from wsim.kernels.contact.shape import distance
+from wsim.kernels.contact.collide import split_convex_and_meshes
+from wsim.kernels.contact.collider.shape import convex_distance_func
+from wsim.kernels.contact.mesh import (
+    INSIDE,
+    SOLID,
+    corner_readers,
+    feature_distance,
+    nearest_face_func,
+    nearest_feature,
+    triangle_normal,
+)
 from wsim.kernels.math.real import types
 
 AWAY = 1.0e30          # [m] of what is too far to touch
@@ -27,15 +35,15 @@ EXACT = 1.0e-3         # of an edge's length: how near the least phi is known
 
 
 @cache
-def signed(kinds: tuple[str, ...], real):
+def edge_distance_function(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, q, most) -> (phi, n, slip): signed distance [m], its gradient and the motion of the surface
     in its own frame in this substep [m]; AWAY where a mesh is farther than `most`."""
-    t, (convex, meshes) = types(real), split(kinds)
-    shaped, meshed, formula = bool(convex), "solid" in meshes, distance(convex)
-    search, (corners, steps) = nearest(("solid",)), reading(real)
+    t, (convex, meshes) = types(real), split_convex_and_meshes(kinds)
+    shaped, meshed, formula = bool(convex), "solid" in meshes, convex_distance_func(convex)
+    search, (corners, steps) = nearest_face_func(("solid",)), corner_readers(real)
 
     @wp.func
-    def signed(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3, most: real):
+    def collider_phi_and_slip(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3, most: real):
         phi = real(AWAY)
         n = t.vec3()
         slip = t.vec3()
@@ -46,28 +54,28 @@ def signed(kinds: tuple[str, ...], real):
             if kind == SOLID:
                 face, sign = search(kind, mesh, wp.vec3f(q), float(most), 0, 0.0)
                 if face >= 0:
-                    what, first = part(corners(mesh, face, 0), q)
+                    what, first = nearest_feature(corners(mesh, face, 0), q)
                     X = corners(mesh, face, first)
                     side = real(1.0)
-                    if what == INSIDE and wp.dot(normal(X), q - X[0]) < real(0.0):
+                    if what == INSIDE and wp.dot(triangle_normal(X), q - X[0]) < real(0.0):
                         side = -side
                     if sign < float(0.0):
                         side = -side
-                    phi, n, slip = toward(X, steps(mesh, face, first), what, side, q)
+                    phi, n, slip = feature_distance(X, steps(mesh, face, first), what, side, q)
         return phi, n, slip
 
-    return signed
+    return collider_phi_and_slip
 
 
 @cache
-def lowest(kinds: tuple[str, ...], real):
+def nearest_edge_function(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, ends: rows q, limit, felt0, felt1) -> (u, phi, m, slip) where an edge is nearest; phi is AWAY
     where that is an end, or farther than `limit` [m]."""
-    t, shape = types(real), signed(kinds, real)
+    t, shape = types(real), edge_distance_function(kinds, real)
     two = wp.types.matrix((2, 3), real)
 
     @wp.func
-    def lowest(kind: int, size: t.vec3, mesh: wp.uint64, ends: two, limit: real, felt0: t.vec4, felt1: t.vec4):
+    def nearest_edge_place(kind: int, size: t.vec3, mesh: wp.uint64, ends: two, limit: real, felt0: t.vec4, felt1: t.vec4):
         e = ends[1] - ends[0]
         length = wp.length(e)
         n0 = t.vec3(felt0[0], felt0[1], felt0[2])
@@ -108,4 +116,4 @@ def lowest(kinds: tuple[str, ...], real):
                 n1 = n
         return u, phi, m, slip
 
-    return lowest
+    return nearest_edge_place

@@ -12,21 +12,21 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.edge_contact.sites import sharps
-from wsim.kernels.contact.project import read, slots, tables
-from wsim.kernels.math.marks import own
+from wsim.kernels.cloth.edge_contact.sites import sharp_sites
+from wsim.kernels.contact.project import contact_tables, read_type, slot_type
+from wsim.kernels.math.marks import owns_points
 from wsim.kernels.math.real import types
 
 ALIKE = 0.6            # cosine of normals between which sites of a point count as one
 
 
 @cache
-def shares(real):
+def site_share_function(real):
     """Function (points, S, site, i) -> s_k of point i, kernels/cloth/edge_contact/sites.py."""
-    Points, Sharp = tables(real)[1], sharps(real)
+    Points, Sharp = contact_tables(real)[1], sharp_sites(real)
 
     @wp.func
-    def share_of(points: Points, S: Sharp, site: int, i: int):
+    def site_point_share(points: Points, S: Sharp, site: int, i: int):
         p = S.corner[site]
         beta = S.beta[site]
         K = real(0.0)
@@ -37,17 +37,18 @@ def shares(real):
                 own += beta[v]
         return points.w[i] * own / K
 
-    return share_of
+    return site_point_share
 
 
 @cache
-def gather(real, module):
+def site_gather_kernel(real, module):
     """Kernel over points: contact planes of sites behind those that a point has, and how far it is carried out of overlaps."""
-    t, (Rows, Points), Read, Slots, Sharp = types(real), tables(real), read(real), slots(real), sharps(real)
-    vectors, share_of = wp.array(dtype=t.vec3), shares(real)
+    t, (Rows, Points), Read, Slots, Sharp = (types(real), contact_tables(real), read_type(real), slot_type(real),
+                                             sharp_sites(real))
+    vectors, share_of = wp.array(dtype=t.vec3), site_share_function(real)
 
     @wp.func
-    def alike(s: Slots, first: int, end: int, n: t.vec3, row: int):
+    def find_alike_slot(s: Slots, first: int, end: int, n: t.vec3, row: int):
         """The slot of a point from j on that has about the normal n and the same collider, or `end`."""
         j = int(first)
         while j < end and (s.row[j] != row or wp.dot(s.n[j], n) < real(ALIKE)):
@@ -71,7 +72,7 @@ def gather(real, module):
                     out = wp.min(over, c.recovery * c.h)
                     n = S.n[site]
                     gap = share * (C[0] + over - out)
-                    j = alike(s, own_first * s.points + i, wp.min(count, s.capacity) * s.points + i, n, S.met[site])
+                    j = find_alike_slot(s, own_first * s.points + i, wp.min(count, s.capacity) * s.points + i, n, S.met[site])
                     if j >= s.points * count:                        # of the same side: what is nearest counts
                         count += 1
                         carried += (share * out) * n
@@ -91,14 +92,15 @@ def gather(real, module):
                 d_out[i] = d + carried
                 a_out[i] = at.a[i] + carried
 
-    return own(wp.kernel(gather_edges, name=f"gather_edges_{t.name}", module=module, enable_backward=False))
+    return owns_points(wp.kernel(gather_edges, name=f"gather_edges_{t.name}", module=module, enable_backward=False))
 
 
 @cache
-def renew(real, module):
+def site_plane_kernel(real, module):
     """Kernel over points: the planes of sites at displacements d."""
-    t, (Rows, Points), Read, Slots, Sharp = types(real), tables(real), read(real), slots(real), sharps(real)
-    share_of = shares(real)
+    t, (Rows, Points), Read, Slots, Sharp = (types(real), contact_tables(real), read_type(real), slot_type(real),
+                                             sharp_sites(real))
+    share_of = site_share_function(real)
 
     def renew_edges(c: Rows, points: Points, at: Read, S: Sharp, s: Slots):
         i = wp.tid()

@@ -21,13 +21,13 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.edge_contact.corner import INNER, through
-from wsim.kernels.cloth.edge_contact.edge import AWAY, lowest, signed
-from wsim.kernels.collider.colliders import frames
-from wsim.kernels.contact.project import read, tables
-from wsim.kernels.contact.search import reachable
-from wsim.kernels.contact.shape import BOX
-from wsim.kernels.math.marks import own
+from wsim.kernels.cloth.edge_contact.corner import INNER, corner_height_function
+from wsim.kernels.cloth.edge_contact.edge import AWAY, edge_distance_function, nearest_edge_function
+from wsim.kernels.contact.collider.colliders import collider_frame_funcs
+from wsim.kernels.contact.collider.shape import BOX
+from wsim.kernels.contact.project import contact_tables, read_type
+from wsim.kernels.contact.search import ball_is_reachable
+from wsim.kernels.math.marks import owns_points
 from wsim.kernels.math.real import types
 
 FLAT = 0.2             # least |m|: of faces that meet at 23 degrees
@@ -36,7 +36,7 @@ TURNS = 500            # normals that differ by less are of one face: an edge of
 
 
 @cache
-def sharps(real):
+def sharp_sites(real):
     """Struct of what is between points: rows of colliders with sharp edges, and what was found in this substep."""
     t = types(real)
 
@@ -71,13 +71,13 @@ def sharps(real):
 
 
 @cache
-def feel(kinds: tuple[str, ...], real, module):
+def sharp_distance_kernel(kinds: tuple[str, ...], real, module):
     """Kernel over points: where each is predicted to be in the frames of sharp colliders, and how far from them."""
-    t, (Rows, Points), Read, Sharp = types(real), tables(real), read(real), sharps(real)
-    shape = signed(kinds, real)
+    t, (Rows, Points), Read, Sharp = types(real), contact_tables(real), read_type(real), sharp_sites(real)
+    shape = edge_distance_function(kinds, real)
 
     @wp.func
-    def faced(n: t.vec3):
+    def normal_number(n: t.vec3):
         """Number of a normal, the same of those that differ by less than 1 / TURNS."""
         h = real(TURNS)
         return (int(wp.round(h * (n[0] + real(1.0)))) * wp.static(2 * TURNS + 1) + int(wp.round(h * (n[1] + real(1.0))))) * (
@@ -96,40 +96,42 @@ def feel(kinds: tuple[str, ...], real, module):
             slot = (j - sharp_out.first[o]) * sharp_out.points + i
             reach = real(2.0) * (wp.length(d) + c.chord[row]) + points.reach[i] + sharp_out.keep[j] + c.skin
             side = int(FAR)
-            if reachable(c.ball[at.k, row], x, reach):
+            if ball_is_reachable(c.ball[at.k, row], x, reach):
                 T = c.of.pose[at.k + 1, row]
                 q = wp.quat_rotate_inv(wp.transform_get_rotation(T), (x - wp.transform_get_translation(T)) + d)
                 phi, n, _slip = shape(c.of.kind[row], c.of.size[row], c.of.mesh[row], q, reach)
                 if phi < reach:
                     sharp_out.q[slot] = q
                     sharp_out.felt[slot] = t.vec4(n[0], n[1], n[2], phi)
-                    side = faced(n)
+                    side = normal_number(n)
             sharp_out.side[slot] = side
 
-    return own(wp.kernel(feel_edges, name=f"feel_edges_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False))
+    return owns_points(wp.kernel(feel_edges, name=f"feel_edges_{'_'.join(kinds)}_{t.name}", module=module,
+                                 enable_backward=False))
 
 
 @cache
-def find(kinds: tuple[str, ...], real, module):
+def site_detection_kernel(kinds: tuple[str, ...], real, module):
     """Kernel over lots of sites: the collider that each site is deepest in, if any, its gap, its normal and its weights."""
-    t, (Rows, Points), Read, Sharp = types(real), tables(real), read(real), sharps(real)
+    t, (Rows, Points), Read, Sharp = types(real), contact_tables(real), read_type(real), sharp_sites(real)
     mat34 = wp.types.matrix((3, 4), real)
-    least, highest, (_, outside), boxes = lowest(kinds, real), through(kinds, real), frames(real), "box" in kinds
+    least, highest, (_, outside), boxes = (nearest_edge_function(kinds, real), corner_height_function(kinds, real),
+                                           collider_frame_funcs(real), "box" in kinds)
 
     @wp.func
-    def across(e: t.vec3, f0: t.vec4, f1: t.vec4):
+    def edge_dips_both_ways(e: t.vec3, f0: t.vec4, f1: t.vec4):
         """Whether an edge goes down towards the collider from both of its ends."""
         return (f0[0] * e[0] + f0[1] * e[1] + f0[2] * e[2] < real(0.0)) and (
             f1[0] * e[0] + f1[1] * e[1] + f1[2] * e[2] > real(0.0))
 
     @wp.func
-    def above(f: t.vec4, x: t.vec3, y: t.vec3, z: t.vec3):
+    def height_above_plane(f: t.vec4, x: t.vec3, y: t.vec3, z: t.vec3):
         """Least height of a triangle above the tangent plane of its corner x [m]."""
         m = t.vec3(f[0], f[1], f[2])
         return f[3] + wp.min(wp.min(wp.dot(m, y - x), wp.dot(m, z - x)), real(0.0))
 
     @wp.func
-    def holds(kind: int, size: t.vec3, X: t.mat33, chord: real, f: mat34):
+    def may_hold_corner(kind: int, size: t.vec3, X: t.mat33, chord: real, f: mat34):
         """Whether a corner of the collider may be in a triangle: no tangent plane has all of it outside."""
         if boxes:
             if kind == BOX:
@@ -137,8 +139,9 @@ def find(kinds: tuple[str, ...], real, module):
                 for k in range(3):
                     if wp.abs(wp.abs(middle[k]) - size[k]) > real(2.0) * chord:
                         return False
-        return (above(f[0], X[0], X[1], X[2]) < real(0.0) and above(f[1], X[1], X[2], X[0]) < real(0.0)
-                and above(f[2], X[2], X[0], X[1]) < real(0.0))
+        return (height_above_plane(f[0], X[0], X[1], X[2]) < real(0.0)
+                and height_above_plane(f[1], X[1], X[2], X[0]) < real(0.0)
+                and height_above_plane(f[2], X[2], X[0], X[1]) < real(0.0))
 
     @wp.func
     def on_edge(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, limits: t.vec2, f0: t.vec4, f1: t.vec4):
@@ -153,7 +156,7 @@ def find(kinds: tuple[str, ...], real, module):
         return C, t.vec3(real(1.0) - u, u, real(0.0)), n, slip
 
     @wp.func
-    def gap(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, edge: bool, limits: t.vec2, f: mat34):
+    def site_gap(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, edge: bool, limits: t.vec2, f: mat34):
         """C, beta, normal in the collider's frame, slip. limits: distance kept, margin [m]; f: `felt` of the points."""
         C = real(AWAY)
         beta = t.vec3()
@@ -168,7 +171,7 @@ def find(kinds: tuple[str, ...], real, module):
         return C, beta, m, slip
 
     @wp.func
-    def uneven(S: Sharp, lot: int):
+    def sides_are_uneven(S: Sharp, lot: int):
         """Whether points of a lot are at different sides of a collider."""
         first = S.lot[lot]
         end = S.lot[lot + 1]
@@ -182,7 +185,7 @@ def find(kinds: tuple[str, ...], real, module):
         return False
 
     @wp.func
-    def follow(c: Rows, at: Read, S: Sharp, lot: int, sharp_out: Sharp):
+    def follow_earlier_sites(c: Rows, at: Read, S: Sharp, lot: int, sharp_out: Sharp):
         """Gaps of sites that were found in an earlier substep, with the normals of then."""
         for site in range(lot * S.size, (lot + 1) * S.size):
             if S.met[site] >= 0:
@@ -196,7 +199,7 @@ def find(kinds: tuple[str, ...], real, module):
                 sharp_out.C[site] = t.vec2(C, C - wp.dot(n, moved) + gone)
 
     @wp.func
-    def rest(S: Sharp, lot: int, sharp_out: Sharp):
+    def clear_site_lot(S: Sharp, lot: int, sharp_out: Sharp):
         """No site of a lot has a contact."""
         if S.busy[lot] != 0:
             sharp_out.busy[lot] = 0
@@ -204,7 +207,7 @@ def find(kinds: tuple[str, ...], real, module):
                 sharp_out.met[site] = -1
 
     @wp.func
-    def possible(c: Rows, S: Sharp, row: int, slot: int, p: wp.vec3i):
+    def site_is_possible(c: Rows, S: Sharp, row: int, slot: int, p: wp.vec3i):
         """Whether a site may be nearer to a collider than its points, as their sides and tangent planes say."""
         side = S.side[slot + p[0]]
         two = S.side[slot + p[1]]
@@ -216,18 +219,18 @@ def find(kinds: tuple[str, ...], real, module):
         f0 = S.felt[slot + p[0]]
         f1 = S.felt[slot + p[1]]
         if p[1] == p[2]:
-            return across(x1 - x0, f0, f1)
+            return edge_dips_both_ways(x1 - x0, f0, f1)
         f = wp.matrix_from_rows(f0, f1, S.felt[slot + p[2]])
-        return holds(c.of.kind[row], c.of.size[row], wp.matrix_from_rows(x0, x1, S.q[slot + p[2]]), c.chord[row], f)
+        return may_hold_corner(c.of.kind[row], c.of.size[row], wp.matrix_from_rows(x0, x1, S.q[slot + p[2]]), c.chord[row], f)
 
     def find_edges(c: Rows, points: Points, at: Read, S: Sharp, sharp_out: Sharp):
         lot = wp.tid()
         if at.k % S.every != 0:
             if S.busy[lot] != 0:
-                follow(c, at, S, lot, sharp_out)
+                follow_earlier_sites(c, at, S, lot, sharp_out)
             return
-        if not uneven(S, lot):
-            rest(S, lot, sharp_out)
+        if not sides_are_uneven(S, lot):
+            clear_site_lot(S, lot, sharp_out)
             return
         sharp_out.busy[lot] = 1
         o = S.object[lot]
@@ -238,13 +241,13 @@ def find(kinds: tuple[str, ...], real, module):
             for j in range(S.first[o], S.first[o + 1]):
                 slot = (j - S.first[o]) * S.points
                 row = S.row[j]
-                if not possible(c, S, row, slot, p):
+                if not site_is_possible(c, S, row, slot, p):
                     continue
                 X = wp.matrix_from_rows(S.q[slot + p[0]], S.q[slot + p[1]], S.q[slot + p[2]])
                 f = wp.matrix_from_rows(S.felt[slot + p[0]], S.felt[slot + p[1]], S.felt[slot + p[2]])
                 r = S.keep[j] + wp.max(points.reach[p[0]], points.reach[p[1]])
                 margin = wp.length(at.d[p[0]]) + wp.length(at.d[p[1]]) + c.skin + c.stride[at.k, row]
-                C, b, m, slip = gap(c.of.kind[row], c.of.size[row], c.of.mesh[row], X, p[1] == p[2], t.vec2(r, margin), f)
+                C, b, m, slip = site_gap(c.of.kind[row], c.of.size[row], c.of.mesh[row], X, p[1] == p[2], t.vec2(r, margin), f)
                 if C < margin and C < best and wp.dot(b, t.vec3(points.w[p[0]], points.w[p[1]], points.w[p[2]])) > real(0.0):
                     best = C
                     p0 = b * X - (C + r) * m

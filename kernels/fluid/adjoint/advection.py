@@ -11,39 +11,39 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.adjoint.grid import spreads
-from wsim.kernels.fluid.advection import left
-from wsim.kernels.fluid.grid import functions, structs
+from wsim.kernels.fluid.adjoint.grid import interpolation_adjoints
+from wsim.kernels.fluid.advection import left_domain_function
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
 from wsim.kernels.math.real import types
 
 
 @cache
-def tables(real):
+def carried_adjoints(real):
     @wp.struct
-    class Carried:
+    class CarriedAdjoint:
         q: wp.array(dtype=real)        # what was carried
         by: wp.array(dtype=real)       # cotangent of what came of it
         axis: int                      # of a component; -1: of a scalar
         part: real                     # of the step
 
-    return Carried
+    return CarriedAdjoint
 
 
 @cache
-def ways(dim: int, third: bool, real) -> SimpleNamespace:
-    """rows(g, axis) -> shape; trace(g, u, x, h) -> X, as `wsim.kernels.fluid.advection.backtrace`; back(g, u, x, h, v, u_out):
-    spreads the cotangent v of X [1 / cells]."""
-    t, S, f, s = types(real), structs(real), functions(dim, real), spreads(dim, real)
+def backtrace_adjoint(dim: int, third: bool, real) -> SimpleNamespace:
+    """rows(g, axis) -> shape; trace(g, u, x, h) -> X, as `wsim.kernels.fluid.advection.backtrace_function`; back(g, u, x, h, v,
+    u_out): spreads the cotangent v of X [1 / cells]."""
+    t, S, f, s = types(real), grid_structs(real), grid_functions(dim, real), interpolation_adjoints(dim, real)
 
     @wp.func
-    def rows(g: S.Grid, axis: int):
+    def component_shape(g: S.Grid, axis: int):
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if axis >= 0:
             shape = f.faces(g, axis)
         return shape
 
     @wp.func
-    def trace(g: S.Grid, u: S.Faces, x: t.vec3, h: real):
+    def departure_of_place(g: S.Grid, u: S.Faces, x: t.vec3, h: real):
         w = h / g.dx
         k1 = f.velocity(g, u, x)
         k2 = f.velocity(g, u, x - (real(0.5) * w) * k1)
@@ -53,7 +53,7 @@ def ways(dim: int, third: bool, real) -> SimpleNamespace:
         return x - w * k2
 
     @wp.func
-    def back(g: S.Grid, u: S.Faces, x: t.vec3, h: real, v: t.vec3, u_out: S.Faces):
+    def scatter_departure(g: S.Grid, u: S.Faces, x: t.vec3, h: real, v: t.vec3, u_out: S.Faces):
         w = h / g.dx
         half = real(0.5) * w
         k1 = f.velocity(g, u, x)
@@ -69,17 +69,18 @@ def ways(dim: int, third: bool, real) -> SimpleNamespace:
             by1 = -half * s.velocity(g, u, x1, by1, u_out)
         s.velocity(g, u, x, by1, u_out)
 
-    return SimpleNamespace(rows=rows, trace=trace, back=back)
+    return SimpleNamespace(rows=component_shape, trace=departure_of_place, back=scatter_departure)
 
 
 @cache
-def advect(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
+def advection_adjoint_kernel(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
     """Kernel over rows: adds to the cotangents u_out and q_out; lost_out: of air from outside."""
-    t, S, Carried, f = types(real), structs(real), tables(real), functions(dim, real)
-    s, way, gone = spreads(dim, real), ways(dim, third, real), left(real)
+    t, S, Carried, f = types(real), grid_structs(real), carried_adjoints(real), grid_functions(dim, real)
+    s, way, gone = interpolation_adjoints(dim, real), backtrace_adjoint(dim, third, real), left_domain_function(real)
 
     @wp.func
-    def handed(carried: Carried, shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3, v: real, q_out: wp.array(dtype=real)):
+    def scatter_carried_value(carried: Carried, shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3, v: real,
+                              q_out: wp.array(dtype=real)):
         slope = t.vec3()
         inside = bool(True)
         if wp.static(cubic):
@@ -95,8 +96,8 @@ def advect(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
             slope = s.linear(carried.q, shape, periodic, at, v, q_out)
         return slope
 
-    def advect(g: S.Grid, u: S.Faces, carried: Carried, clock: wp.array(dtype=real), u_out: S.Faces,
-               q_out: wp.array(dtype=real), lost_out: wp.array(dtype=real)):
+    def advect_values_adjoint(g: S.Grid, u: S.Faces, carried: Carried, clock: wp.array(dtype=real), u_out: S.Faces,
+                              q_out: wp.array(dtype=real), lost_out: wp.array(dtype=real)):
         c = wp.tid()
         v = carried.by[c]
         lost = real(0.0)
@@ -110,29 +111,29 @@ def advect(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
             if gone(g, X):
                 lost = v
             else:
-                slope = handed(carried, shape, g.periodic, X - o, v, q_out)
+                slope = scatter_carried_value(carried, shape, g.periodic, X - o, v, q_out)
                 if slope[0] != real(0.0) or slope[1] != real(0.0) or slope[2] != real(0.0):
                     way.back(g, u, x, h, v * slope, u_out)
         lost_out[c] = lost
 
     name = f"advect_adjoint_{'cubic' if cubic else 'linear'}{'_clamped' * clamped}{'_rk3' * third}_{f.name}"
-    return wp.kernel(advect, name=name, module=module, enable_backward=False)
+    return wp.kernel(advect_values_adjoint, name=name, module=module, enable_backward=False)
 
 
 @cache
-def correct(dim: int, bfecc: bool, real, module):
+def maccormack_adjoint_kernel(dim: int, bfecc: bool, real, module):
     """Kernel over rows: of a correction of p by (q - turned) / 2, kept within the rows around X: adds to p_out, q_out and
     turned_out. bfecc: p alone is kept."""
-    t, S, Carried, f = types(real), structs(real), tables(real), functions(dim, real)
-    s, way, gone = spreads(dim, real), ways(dim, False, real), left(real)
+    t, S, Carried, f = types(real), grid_structs(real), carried_adjoints(real), grid_functions(dim, real)
+    s, way, gone = interpolation_adjoints(dim, real), backtrace_adjoint(dim, False, real), left_domain_function(real)
 
     @wp.struct
-    class Corrected:
+    class CorrectedAdjoint:
         p: wp.array(dtype=real)
         turned: wp.array(dtype=real)
 
-    def correct(g: S.Grid, u: S.Faces, carried: Carried, now: Corrected, clock: wp.array(dtype=real),
-                p_out: wp.array(dtype=real), q_out: wp.array(dtype=real), turned_out: wp.array(dtype=real)):
+    def correct_values_adjoint(g: S.Grid, u: S.Faces, carried: Carried, now: CorrectedAdjoint, clock: wp.array(dtype=real),
+                               p_out: wp.array(dtype=real), q_out: wp.array(dtype=real), turned_out: wp.array(dtype=real)):
         c = wp.tid()
         v = carried.by[c]
         shape = way.rows(g, carried.axis)
@@ -156,4 +157,4 @@ def correct(dim: int, bfecc: bool, real, module):
         wp.atomic_add(q_out, c, half)
 
     name = f"correct_adjoint_{'bfecc' if bfecc else 'maccormack'}_{f.name}"
-    return Corrected, wp.kernel(correct, name=name, module=module, enable_backward=False)
+    return CorrectedAdjoint, wp.kernel(correct_values_adjoint, name=name, module=module, enable_backward=False)

@@ -1,4 +1,5 @@
-"""Adjoint of the velocities of obstacles, `covers` of kernels/fluid/fractions.py: v = V + W x r at a face across the axis e, so
+"""Adjoint of the velocities of obstacles, `cover_adjoint_kernel` of kernels/fluid/fractions.py: v = V + W x r at a face across
+the axis e, so
 
     V += v e,    W += v r x e
 
@@ -11,20 +12,20 @@ import warp as wp
 
 from wsim.kernels.fluid import shapes as moved
 from wsim.kernels.fluid.adjoint.covering import Numbers
-from wsim.kernels.fluid.grid import functions, structs
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.pcg import block_sum
 
 
 @cache
-def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
+def cover_adjoint_kernel(dim: int, axis: int, kinds: tuple[str, ...], real, module):
     """Kernel over blocks of threads: parts of what V (first three) and W (next three) of obstacle k get, of the faces of an
     axis."""
-    t, G, S, f = types(real), structs(real), moved.structs(real), functions(dim, real)
-    s = moved.functions(dim, kinds, real)
+    t, G, S, f = types(real), grid_structs(real), moved.fluid_shape_structs(real), grid_functions(dim, real)
+    s = moved.shape_queries(dim, kinds, real)
 
     @wp.func
-    def nearest(shapes: S.Shapes, y: t.vec3, time: real):
+    def nearest_obstacle(shapes: S.Shapes, y: t.vec3, time: real):
         found = int(0)  # noqa: UP018
         least = real(1.0e9)
         for k in range(shapes.of.kind.shape[0]):
@@ -34,8 +35,8 @@ def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
                 found = k
         return found
 
-    def covers(g: G.Grid, shapes: S.Shapes, k: int, clock: wp.array(dtype=real), by: wp.array(dtype=real),
-               part_out: wp.array(dtype=Numbers)):
+    def obstacle_velocity_parts(g: G.Grid, shapes: S.Shapes, k: int, clock: wp.array(dtype=real), by: wp.array(dtype=real),
+                                part_out: wp.array(dtype=Numbers)):
         sum = Numbers()
         e = t.vec3()
         e[shapes.axes[wp.static(axis)]] = real(1.0)
@@ -44,15 +45,15 @@ def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
             if by[c] != real(0.0):
                 i = f.place(c, f.faces(g, wp.static(axis)))
                 y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis)))
-                if nearest(shapes, y, time) == k:
+                if nearest_obstacle(shapes, y, time) == k:
                     turn = wp.cross(y - s.center(shapes.of, k, time), e)
                     for a in range(3):
                         sum[a] = sum[a] + wp.float64(by[c] * e[a])
                         sum[3 + a] = sum[3 + a] + wp.float64(by[c] * turn[a])
         for j in range(6):
-            sum[j] = total(sum[j])
+            sum[j] = block_sum(sum[j])
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = sum
 
-    return wp.kernel(covers, name=f"covers_adjoint_{'xyz'[axis]}_{s.name}", module=module, enable_backward=False,
-                     grid_stride=False)
+    return wp.kernel(obstacle_velocity_parts, name=f"covers_adjoint_{'xyz'[axis]}_{s.name}", module=module,
+                     enable_backward=False, grid_stride=False)

@@ -12,19 +12,19 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
-from wsim.kernels.fluid.pressure import levels, stencil
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
+from wsim.kernels.fluid.pressure import poisson_stencil, pressure_levels
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.pcg import block_sum
 
 
 @cache
-def covered(dim: int, fractions: bool, real):
+def covered_face_function(dim: int, fractions: bool, real):
     """Function (g, sides, o, i, c, axis) -> whether face i of an axis, of row c, has the velocity of what covers it."""
-    t, S = types(real), structs(real)
+    t, S = types(real), grid_structs(real)
 
     @wp.func
-    def covered(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), i: wp.vec3i, c: int, axis: int):
+    def face_is_covered(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), i: wp.vec3i, c: int, axis: int):
         found = bool(False)
         if wp.static(fractions):
             if o[c] == real(0.0):
@@ -36,17 +36,17 @@ def covered(dim: int, fractions: bool, real):
                         found = False
         return found
 
-    return covered
+    return face_is_covered
 
 
 @cache
-def gather(dim: int, fractions: bool, real, module):
+def gradient_transpose_kernel(dim: int, fractions: bool, real, module):
     """Kernel over cells: r_out = -G^T by, of the faces that are not covered."""
-    t, S, f, over = types(real), structs(real), functions(dim, real), covered(dim, fractions, real)
+    t, S, f, over = types(real), grid_structs(real), grid_functions(dim, real), covered_face_function(dim, fractions, real)
 
     @wp.func
-    def through(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), by: wp.array(dtype=real), i: wp.vec3i,
-                axis: int):
+    def face_flux_adjoint(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), by: wp.array(dtype=real), i: wp.vec3i,
+                          axis: int):
         shape = f.faces(g, axis)
         far = wp.vec3i(i[0], i[1], i[2])
         far[axis] = i[axis] + 1
@@ -59,8 +59,8 @@ def gather(dim: int, fractions: bool, real, module):
                 ahead = high[axis]
         elif far[axis] == g.n[axis]:
             far[axis] = 0
-        a = flat(i, shape)
-        b = flat(far, shape)
+        a = flat_cell_index(i, shape)
+        b = flat_cell_index(far, shape)
         sum = real(0.0)
         if not over(g, low, high, o, i, a, axis):
             sum -= behind * by[a]
@@ -68,24 +68,24 @@ def gather(dim: int, fractions: bool, real, module):
             sum += ahead * by[b]
         return sum
 
-    def gather(g: S.Grid, low: t.vec3, high: t.vec3, o: S.Faces, by: S.Faces, r_out: wp.array(dtype=real)):
+    def gradient_transpose(g: S.Grid, low: t.vec3, high: t.vec3, o: S.Faces, by: S.Faces, r_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
-        sum = through(g, low, high, o.x, by.x, i, 0) + through(g, low, high, o.y, by.y, i, 1)
+        sum = face_flux_adjoint(g, low, high, o.x, by.x, i, 0) + face_flux_adjoint(g, low, high, o.y, by.y, i, 1)
         if wp.static(dim == 3):
-            sum += through(g, low, high, o.z, by.z, i, 2)
+            sum += face_flux_adjoint(g, low, high, o.z, by.z, i, 2)
         r_out[c] = sum
 
     name = f"project_adjoint{'_fractions' * fractions}_{f.name}"
-    return wp.kernel(gather, name=name, module=module, enable_backward=False)
+    return wp.kernel(gradient_transpose, name=name, module=module, enable_backward=False)
 
 
 @cache
-def shut(dim: int, real, module):
+def closed_cell_kernel(dim: int, real, module):
     """Kernel over cells: y_out is 0 where a cell has no open face: its right-hand side was none."""
-    Level, s, f = levels(real), stencil(dim, True, real), functions(dim, real)
+    Level, s, f = pressure_levels(real), poisson_stencil(dim, True, real), grid_functions(dim, real)
 
-    def shut(level: Level, y_out: wp.array(dtype=real)):
+    def clear_closed_cells(level: Level, y_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, level.n)
         own = real(0.0)
@@ -95,16 +95,16 @@ def shut(dim: int, real, module):
         if own == real(0.0):
             y_out[c] = real(0.0)
 
-    return wp.kernel(shut, name=f"shut_adjoint_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(clear_closed_cells, name=f"shut_adjoint_{f.name}", module=module, enable_backward=False)
 
 
 @cache
-def spread(dim: int, axis: int, fractions: bool, moving: bool, real, module):
+def projection_adjoint_kernel(dim: int, axis: int, fractions: bool, moving: bool, real, module):
     """Kernel over the faces of an axis: by_out from the cotangent of u' to that of u; solid_out adds that of what covers."""
-    t, S, f, over = types(real), structs(real), functions(dim, real), covered(dim, fractions, real)
+    t, S, f, over = types(real), grid_structs(real), grid_functions(dim, real), covered_face_function(dim, fractions, real)
 
-    def spread(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), y: wp.array(dtype=real),
-               by_out: wp.array(dtype=real), solid_out: wp.array(dtype=real)):
+    def project_faces_adjoint(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), y: wp.array(dtype=real),
+                              by_out: wp.array(dtype=real), solid_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, f.faces(g, wp.static(axis)))
         before = wp.vec3i(i[0], i[1], i[2])
@@ -113,13 +113,13 @@ def spread(dim: int, axis: int, fractions: bool, moving: bool, real, module):
         if g.periodic[wp.static(axis)] != 0:
             if i[wp.static(axis)] == 0:
                 before[wp.static(axis)] = g.n[wp.static(axis)] - 1
-            drop = y[flat(i, g.n)] - y[flat(before, g.n)]
+            drop = y[flat_cell_index(i, g.n)] - y[flat_cell_index(before, g.n)]
         elif i[wp.static(axis)] == 0:
-            drop = y[flat(i, g.n)]
+            drop = y[flat_cell_index(i, g.n)]
         elif i[wp.static(axis)] == g.n[wp.static(axis)]:
-            drop = -y[flat(before, g.n)]
+            drop = -y[flat_cell_index(before, g.n)]
         else:
-            drop = y[flat(i, g.n)] - y[flat(before, g.n)]
+            drop = y[flat_cell_index(i, g.n)] - y[flat_cell_index(before, g.n)]
         open = real(1.0)
         if wp.static(fractions):
             open = o[c]
@@ -133,16 +133,17 @@ def spread(dim: int, axis: int, fractions: bool, moving: bool, real, module):
         by_out[c] = v + open * drop
 
     name = f"divergence_adjoint_{'xyz'[axis]}{'_fractions' * fractions}{'_moving' * moving}_{f.name}"
-    return wp.kernel(spread, name=name, module=module, enable_backward=False)
+    return wp.kernel(project_faces_adjoint, name=name, module=module, enable_backward=False)
 
 
 @cache
-def sides(dim: int, axis: int, real, module):
+def side_adjoint_kernel(dim: int, axis: int, real, module):
     """Kernel over blocks of threads, which go over both sides of an axis: parts of the sums of by at closed ones, low and high;
     by_out is 0 there."""
-    t, S, f = types(real), structs(real), functions(dim, real)
+    t, S, f = types(real), grid_structs(real), grid_functions(dim, real)
 
-    def sides(g: S.Grid, low: t.vec3, high: t.vec3, by_out: wp.array(dtype=real), part_out: wp.array(dtype=wp.vec2d)):
+    def closed_side_parts(g: S.Grid, low: t.vec3, high: t.vec3, by_out: wp.array(dtype=real),
+                          part_out: wp.array(dtype=wp.vec2d)):
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         shape[wp.static(axis)] = 2
         first = wp.float64(0.0)
@@ -151,27 +152,28 @@ def sides(dim: int, axis: int, real, module):
             i = f.place(c, shape)
             side = i[wp.static(axis)]
             i[wp.static(axis)] = side * g.n[wp.static(axis)]
-            at = flat(i, f.faces(g, wp.static(axis)))
+            at = flat_cell_index(i, f.faces(g, wp.static(axis)))
             if side == 0 and low[wp.static(axis)] == real(0.0):
                 first += wp.float64(by_out[at])
                 by_out[at] = real(0.0)
             if side == 1 and high[wp.static(axis)] == real(0.0):
                 second += wp.float64(by_out[at])
                 by_out[at] = real(0.0)
-        first = total(first)
-        second = total(second)
+        first = block_sum(first)
+        second = block_sum(second)
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = wp.vec2d(first, second)
 
-    return wp.kernel(sides, name=f"sides_adjoint_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False,
+    return wp.kernel(closed_side_parts, name=f"sides_adjoint_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False,
                      grid_stride=False)
 
 
 @cache
-def residual(module):
+def adjoint_residual_kernel(module):
     """Kernel of one thread: worst_out is at least |r| / |b|, of the parts of r . r and b . b of a solve; part: (sum, -)."""
 
-    def residual(S: wp.array(dtype=wp.float64), part: wp.array(dtype=wp.vec2d), size: int, worst_out: wp.array(dtype=float)):
+    def worst_adjoint_residual(S: wp.array(dtype=wp.float64), part: wp.array(dtype=wp.vec2d), size: int,
+                               worst_out: wp.array(dtype=float)):
         sum = wp.float64(0.0)
         for k in range(part.shape[0]):
             both = part[k]
@@ -179,4 +181,4 @@ def residual(module):
         if S[size] > wp.float64(0.0):
             worst_out[0] = wp.max(worst_out[0], float(wp.sqrt(sum / S[size])))
 
-    return wp.kernel(residual, name="residual_adjoint", module=module, enable_backward=False)
+    return wp.kernel(worst_adjoint_residual, name="residual_adjoint", module=module, enable_backward=False)

@@ -11,10 +11,10 @@ from wsim.kernels.math.real import types
 
 
 @cache
-def reflect(real, module):
+def reflection_adjoint_kernel(real, module):
     """Kernel over faces: cotangents of v' and u' become those of v and u; w_out adds."""
 
-    def reflect(v_out: wp.array(dtype=real), u_out: wp.array(dtype=real), w_out: wp.array(dtype=real)):
+    def reflect_faces_adjoint(v_out: wp.array(dtype=real), u_out: wp.array(dtype=real), w_out: wp.array(dtype=real)):
         c = wp.tid()
         v = v_out[c]
         u = u_out[c]
@@ -22,72 +22,72 @@ def reflect(real, module):
         v_out[c] = -v
         u_out[c] = -u
 
-    return wp.kernel(reflect, name=f"reflect_adjoint_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(reflect_faces_adjoint, name=f"reflect_adjoint_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def mirror(real, module):
+def mirror_velocity_kernel(real, module):
     """Kernel over rows: y_out = 2 w - v."""
 
-    def mirror(w: wp.array(dtype=real), v: wp.array(dtype=real), y_out: wp.array(dtype=real)):
+    def mirror_velocity(w: wp.array(dtype=real), v: wp.array(dtype=real), y_out: wp.array(dtype=real)):
         c = wp.tid()
         y_out[c] = real(2.0) * w[c] - v[c]
 
-    return wp.kernel(mirror, name=f"mirror_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(mirror_velocity, name=f"mirror_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def add(real, module):
+def row_addition_kernel(real, module):
     """Kernel over rows: y_out += factor x."""
 
-    def add(x: wp.array(dtype=real), factor: real, y_out: wp.array(dtype=real)):
+    def add_scaled_rows(x: wp.array(dtype=real), factor: real, y_out: wp.array(dtype=real)):
         c = wp.tid()
         y_out[c] = y_out[c] + factor * x[c]
 
-    return wp.kernel(add, name=f"add_rows_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(add_scaled_rows, name=f"add_rows_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def keep(real, module):
+def step_storage_kernel(real, module):
     """Kernel over rows: slots_out of step done[0] are q."""
 
-    def keep(q: wp.array(dtype=real), done: wp.array(dtype=int), slots_out: wp.array(dtype=real)):
+    def store_step_rows(q: wp.array(dtype=real), done: wp.array(dtype=int), slots_out: wp.array(dtype=real)):
         c = wp.tid()
         slots_out[done[0] * q.shape[0] + c] = q[c]
 
-    return wp.kernel(keep, name=f"keep_step_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(store_step_rows, name=f"keep_step_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def fetch(real, module):
+def step_fetch_kernel(real, module):
     """Kernel over rows: q_out as step done[0] + ahead had it."""
 
-    def fetch(slots: wp.array(dtype=real), done: wp.array(dtype=int), ahead: int, q_out: wp.array(dtype=real)):
+    def fetch_step_rows(slots: wp.array(dtype=real), done: wp.array(dtype=int), ahead: int, q_out: wp.array(dtype=real)):
         c = wp.tid()
         q_out[c] = slots[(done[0] + ahead) * q_out.shape[0] + c]
 
-    return wp.kernel(fetch, name=f"fetch_step_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(fetch_step_rows, name=f"fetch_step_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def last(real, module):
+def last_step_kernel(real, module):
     """Kernel of one thread: behind the last step of a frame."""
 
-    def last(clock: wp.array(dtype=real), done_out: wp.array(dtype=int), going_out: wp.array(dtype=int)):
+    def mark_last_step(clock: wp.array(dtype=real), done_out: wp.array(dtype=int), going_out: wp.array(dtype=int)):
         done_out[0] = int(clock[2])
         going_out[0] = 1
 
-    return wp.kernel(last, name=f"steps_last_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(mark_last_step, name=f"steps_last_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache
-def before(real, module):
+def previous_step_kernel(real, module):
     """Kernel of one thread: to the step before, and whether there is another before that."""
 
-    def before(done_out: wp.array(dtype=int), clock_out: wp.array(dtype=real), going_out: wp.array(dtype=int)):
+    def rewind_step(done_out: wp.array(dtype=int), clock_out: wp.array(dtype=real), going_out: wp.array(dtype=int)):
         k = done_out[0] - 1
         done_out[0] = k
         clock_out[1] = clock_out[0] * real(k)
         going_out[0] = int(k > 0)
 
-    return wp.kernel(before, name=f"steps_before_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(rewind_step, name=f"steps_before_{types(real).name}", module=module, enable_backward=False)

@@ -12,22 +12,33 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.adjoint.covering import EXPANSION, FIRST, HEAT, LAST, NUMBERS, PLACE, SMOKE, Numbers, covering, outward
+from wsim.kernels.fluid.adjoint.covering import (
+    EXPANSION,
+    FIRST,
+    HEAT,
+    LAST,
+    NUMBERS,
+    PLACE,
+    SMOKE,
+    Numbers,
+    coverage_slope_function,
+    source_coverage_function,
+)
 from wsim.kernels.fluid.forces import COOLING, SMOKE_DECAY
-from wsim.kernels.fluid.grid import functions, structs
-from wsim.kernels.fluid.sources import HELD, tables
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
+from wsim.kernels.fluid.sources import HELD, source_tables
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.pcg import block_sum
 
 
 @cache
-def chain(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
+def source_chain_functions(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
     """Functions of a cell about x: before(sources, x, clock, k, begun) -> (smoke, heat) as source k finds them; back(sources,
     x, clock, k, begun, by) -> cotangents behind source k, of those at the end."""
-    t, Sources, within = types(real), tables(real), covering(dim, kinds, real)
+    t, Sources, within = types(real), source_tables(real), source_coverage_function(dim, kinds, real)
 
     @wp.func
-    def one(sources: Sources, k: int, dose: real, h: real, now: t.vec2):
+    def apply_source_dose(sources: Sources, k: int, dose: real, h: real, now: t.vec2):
         s = now[0]
         q = now[1]
         if (sources.what[k] & HELD) != 0:
@@ -39,16 +50,16 @@ def chain(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
         return t.vec2(s, q)
 
     @wp.func
-    def before(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), k: int, begun: t.vec2):
+    def emitted_before_source(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), k: int, begun: t.vec2):
         now = begun
         for j in range(k):
             part, strength = within(sources, j, x, clock)
             if part > real(0.0):
-                now = one(sources, j, part * strength, clock[0], now)
+                now = apply_source_dose(sources, j, part * strength, clock[0], now)
         return now
 
     @wp.func
-    def taken(sources: Sources, k: int, dose: real, h: real, now: t.vec2):
+    def dose_derivatives(sources: Sources, k: int, dose: real, h: real, now: t.vec2):
         """Of smoke and heat: 1 where what there was goes on; and what a dose adds, by the value of the source."""
         on = t.vec2(real(1.0), real(1.0))
         own = t.vec2(h, h)
@@ -66,22 +77,22 @@ def chain(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
         return on, own
 
     @wp.func
-    def back(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), k: int, begun: t.vec2, by: t.vec2):
+    def source_chain_adjoint(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), k: int, begun: t.vec2, by: t.vec2):
         found = by
         for m in range(sources.what.shape[0] - 1 - k):
             j = sources.what.shape[0] - 1 - m
             part, strength = within(sources, j, x, clock)
             if part > real(0.0):
-                now = before(sources, x, clock, j, begun)
-                on, own = taken(sources, j, part * strength, clock[0], now)
+                now = emitted_before_source(sources, x, clock, j, begun)
+                on, own = dose_derivatives(sources, j, part * strength, clock[0], now)
                 found = wp.cw_mul(found, on)
         return found
 
-    return SimpleNamespace(before=before, taken=taken, back=back, within=within)
+    return SimpleNamespace(before=emitted_before_source, taken=dose_derivatives, back=source_chain_adjoint, within=within)
 
 
 @cache
-def state(real):
+def emitted_states(real):
     """Struct of smoke and heat as a step finds them, of the cotangents of both and of the expansion behind the sources."""
 
     @wp.struct
@@ -96,13 +107,13 @@ def state(real):
 
 
 @cache
-def faded(carried: str, real):
+def decay_state_function(carried: str, real):
     """Function (emitted, live, h, c) -> smoke and heat of a cell behind their decay, cotangents of both behind the sources."""
-    t, Emitted = types(real), state(real)
+    t, Emitted = types(real), emitted_states(real)
     smoky, hot = "smoke" in carried, "heat" in carried
 
     @wp.func
-    def faded(emitted: Emitted, live: wp.array(dtype=real), h: real, c: int):
+    def decayed_cell_state(emitted: Emitted, live: wp.array(dtype=real), h: real, c: int):
         now = t.vec2()
         by = t.vec2()
         if wp.static(smoky):
@@ -113,18 +124,19 @@ def faded(carried: str, real):
             by[1] = emitted.by_heat[c]
         return now, by
 
-    return faded
+    return decayed_cell_state
 
 
 @cache
-def emit(dim: int, kinds: tuple[str, ...], carried: str, real, module):
+def emission_adjoint_kernel(dim: int, kinds: tuple[str, ...], carried: str, real, module):
     """Kernel over cells: cotangents of smoke and heat before the sources and the decay."""
-    t, S, f, Sources, Emitted = types(real), structs(real), functions(dim, real), tables(real), state(real)
-    way, fade = chain(dim, kinds, real), faded(carried, real)
+    t, S, f, Sources, Emitted = (types(real), grid_structs(real), grid_functions(dim, real), source_tables(real),
+                                 emitted_states(real))
+    way, fade = source_chain_functions(dim, kinds, real), decay_state_function(carried, real)
     smoky, hot = "smoke" in carried, "heat" in carried
 
-    def emit(g: S.Grid, sources: Sources, emitted: Emitted, live: wp.array(dtype=real), clock: wp.array(dtype=real),
-             smoke_out: wp.array(dtype=real), heat_out: wp.array(dtype=real)):
+    def emit_cells_adjoint(g: S.Grid, sources: Sources, emitted: Emitted, live: wp.array(dtype=real),
+                           clock: wp.array(dtype=real), smoke_out: wp.array(dtype=real), heat_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1)
@@ -136,14 +148,16 @@ def emit(dim: int, kinds: tuple[str, ...], carried: str, real, module):
             heat_out[c] = found[1] * wp.exp(-live[COOLING] * clock[0])
 
     name = f"emit_adjoint_{carried}_{dim}d_{'_'.join(kinds)}_{types(real).name}"
-    return wp.kernel(emit, name=name, module=module, enable_backward=False)
+    return wp.kernel(emit_cells_adjoint, name=name, module=module, enable_backward=False)
 
 
 @cache
-def emitted(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, real, module):
+def source_number_kernel(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, real, module):
     """Kernel over blocks of threads: parts of what the numbers of source k get of smoke, heat and expansion."""
-    t, S, f, Sources, Emitted = types(real), structs(real), functions(dim, real), tables(real), state(real)
-    way, fade, out = chain(dim, kinds, real), faded(carried, real), outward(dim, kinds, real)
+    t, S, f, Sources, Emitted = (types(real), grid_structs(real), grid_functions(dim, real), source_tables(real),
+                                 emitted_states(real))
+    way, fade, out = (source_chain_functions(dim, kinds, real), decay_state_function(carried, real),
+                      coverage_slope_function(dim, kinds, real))
 
     @wp.func
     def of_cell(g: S.Grid, sources: Sources, k: int, e: Emitted, live: wp.array(dtype=real), clock: wp.array(dtype=real),
@@ -175,26 +189,26 @@ def emitted(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, rea
                     found[PLACE + a] = wp.float64(by_place[a])
         return found
 
-    def emitted(g: S.Grid, sources: Sources, k: int, e: Emitted, live: wp.array(dtype=real), clock: wp.array(dtype=real),
-                part_out: wp.array(dtype=Numbers)):
+    def source_number_parts(g: S.Grid, sources: Sources, k: int, e: Emitted, live: wp.array(dtype=real),
+                            clock: wp.array(dtype=real), part_out: wp.array(dtype=Numbers)):
         sum = Numbers()
         for c in range(wp.tid(), g.n[0] * g.n[1] * g.n[2], part_out.shape[0] * wp.block_dim()):
             sum += of_cell(g, sources, k, e, live, clock, c)
         for j in range(NUMBERS):
-            sum[j] = total(sum[j])
+            sum[j] = block_sum(sum[j])
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = sum
 
     name = f"emitted_adjoint_{carried}{'_expanding' * expanding}_{dim}d_{'_'.join(kinds)}_{types(real).name}"
-    return wp.kernel(emitted, name=name, module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(source_number_parts, name=name, module=module, enable_backward=False, grid_stride=False)
 
 
 @cache
-def decay(rate: int, real, module):
+def decay_adjoint_kernel(rate: int, real, module):
     """Kernel over cells, where nothing is emitted: the cotangent before a decay."""
 
-    def decay(live: wp.array(dtype=real), clock: wp.array(dtype=real), by_out: wp.array(dtype=real)):
+    def decay_cells_adjoint(live: wp.array(dtype=real), clock: wp.array(dtype=real), by_out: wp.array(dtype=real)):
         c = wp.tid()
         by_out[c] = by_out[c] * wp.exp(-live[wp.static(rate)] * clock[0])
 
-    return wp.kernel(decay, name=f"decay_adjoint_{rate}_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(decay_cells_adjoint, name=f"decay_adjoint_{rate}_{types(real).name}", module=module, enable_backward=False)

@@ -12,19 +12,20 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
-from wsim.kernels.fluid.viscosity import parts
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
+from wsim.kernels.fluid.viscosity import viscosity_functions
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.pcg import block_sum
 
 
 @cache
-def apart(dim: int, axis: int, fractions: bool, slip: bool, real, module):
+def fixed_faces_kernel(dim: int, axis: int, fractions: bool, slip: bool, real, module):
     """Kernel over faces: by of fixed ones into fixed_out, and 0 in their place."""
-    t, S, f, s = types(real), structs(real), functions(dim, real), parts(dim, axis, fractions, slip, real)
+    t, S, f, s = (types(real), grid_structs(real), grid_functions(dim, real),
+                  viscosity_functions(dim, axis, fractions, slip, real))
 
-    def apart(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), by_out: wp.array(dtype=real),
-              fixed_out: wp.array(dtype=real)):
+    def separate_fixed_faces(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), by_out: wp.array(dtype=real),
+                             fixed_out: wp.array(dtype=real)):
         c = wp.tid()
         own = real(0.0)
         if s.fixed(g, low, high, o, f.place(c, f.faces(g, wp.static(axis)))):
@@ -32,16 +33,17 @@ def apart(dim: int, axis: int, fractions: bool, slip: bool, real, module):
             by_out[c] = real(0.0)
         fixed_out[c] = own
 
-    return wp.kernel(apart, name=f"viscosity_apart_{s.name}", module=module, enable_backward=False)
+    return wp.kernel(separate_fixed_faces, name=f"viscosity_apart_{s.name}", module=module, enable_backward=False)
 
 
 @cache
-def beside(dim: int, axis: int, fractions: bool, slip: bool, real, module):
+def fixed_faces_adjoint_kernel(dim: int, axis: int, fractions: bool, slip: bool, real, module):
     """Kernel over faces: by_out is y of those that are not fixed; of others what was apart, and a L_xf y."""
-    t, S, f, s = types(real), structs(real), functions(dim, real), parts(dim, axis, fractions, slip, real)
+    t, S, f, s = (types(real), grid_structs(real), grid_functions(dim, real),
+                  viscosity_functions(dim, axis, fractions, slip, real))
 
-    def beside(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), y: wp.array(dtype=real),
-               scale: wp.array(dtype=real), fixed: wp.array(dtype=real), by_out: wp.array(dtype=real)):
+    def restore_fixed_faces(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), y: wp.array(dtype=real),
+                            scale: wp.array(dtype=real), fixed: wp.array(dtype=real), by_out: wp.array(dtype=real)):
         c = wp.tid()
         shape = f.faces(g, wp.static(axis))
         i = f.place(c, shape)
@@ -58,43 +60,46 @@ def beside(dim: int, axis: int, fractions: bool, slip: bool, real, module):
                         inside = True
                     if inside:
                         if not s.fixed(g, low, high, o, j):
-                            sum += y[flat(j, shape)]
+                            sum += y[flat_cell_index(j, shape)]
             if wp.static(fractions and slip):
                 if o[c] == real(0.0):
                     sum = real(0.0)
             value = fixed[c] + scale[0] * sum
         by_out[c] = value
 
-    return wp.kernel(beside, name=f"viscosity_beside_{s.name}", module=module, enable_backward=False)
+    return wp.kernel(restore_fixed_faces, name=f"viscosity_beside_{s.name}", module=module, enable_backward=False)
 
 
 @cache
-def known(dim: int, axis: int, fractions: bool, slip: bool, real, module):
+def viscosity_gradient_kernel(dim: int, axis: int, fractions: bool, slip: bool, real, module):
     """Kernel over blocks of threads: parts of y . (L u' + walls)."""
-    t, S, f, s = types(real), structs(real), functions(dim, real), parts(dim, axis, fractions, slip, real)
+    t, S, f, s = (types(real), grid_structs(real), grid_functions(dim, real),
+                  viscosity_functions(dim, axis, fractions, slip, real))
 
-    def known(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), u: wp.array(dtype=real), y: wp.array(dtype=real),
-              part_out: wp.array(dtype=wp.vec2d)):
+    def viscosity_gradient_parts(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), u: wp.array(dtype=real),
+                                 y: wp.array(dtype=real), part_out: wp.array(dtype=wp.vec2d)):
         sum = wp.float64(0.0)
         for c in range(wp.tid(), u.shape[0], part_out.shape[0] * wp.block_dim()):
             i = f.place(c, f.faces(g, wp.static(axis)))
             if not s.fixed(g, low, high, o, i):
                 sum += wp.float64(y[c] * s.spread(g, low, high, o, u, i, real(1.0)))
-        sum = total(sum)
+        sum = block_sum(sum)
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = wp.vec2d(sum, wp.float64(0.0))
 
-    return wp.kernel(known, name=f"viscosity_known_{s.name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(viscosity_gradient_parts, name=f"viscosity_known_{s.name}", module=module, enable_backward=False,
+                     grid_stride=False)
 
 
 @cache
-def walls(dim: int, axis: int, fractions: bool, real, module):
+def wall_shear_kernel(dim: int, axis: int, fractions: bool, real, module):
     """Kernel over blocks of threads: parts of the sums of 2 a y beside the low and the high side of axis b, where those are
     closed; walls that are not slippery."""
-    t, S, f, s = types(real), structs(real), functions(dim, real), parts(dim, axis, fractions, False, real)
+    t, S, f, s = (types(real), grid_structs(real), grid_functions(dim, real),
+                  viscosity_functions(dim, axis, fractions, False, real))
 
-    def walls(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), y: wp.array(dtype=real),
-              scale: wp.array(dtype=real), b: int, part_out: wp.array(dtype=wp.vec2d)):
+    def wall_shear_parts(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), y: wp.array(dtype=real),
+                         scale: wp.array(dtype=real), b: int, part_out: wp.array(dtype=wp.vec2d)):
         first = wp.float64(0.0)
         second = wp.float64(0.0)
         for c in range(wp.tid(), y.shape[0], part_out.shape[0] * wp.block_dim()):
@@ -105,9 +110,10 @@ def walls(dim: int, axis: int, fractions: bool, real, module):
                     first += by
                 if i[b] + 1 == g.n[b] and high[b] == real(0.0):
                     second += by
-        first = total(first)
-        second = total(second)
+        first = block_sum(first)
+        second = block_sum(second)
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = wp.vec2d(first, second)
 
-    return wp.kernel(walls, name=f"viscosity_walls_{s.name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(wall_shear_parts, name=f"viscosity_walls_{s.name}", module=module, enable_backward=False,
+                     grid_stride=False)

@@ -12,20 +12,21 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.advection import BOUNDS, backtrace, carried
-from wsim.kernels.fluid.grid import functions, structs
-from wsim.kernels.fluid.passes.tiles import some, tiles
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.fluid.advection import BOUNDS, backtrace_function, carried_value_function
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
+from wsim.kernels.fluid.passes.tiles import flush_small_function, tile_function
+from wsim.kernels.solver.pcg import block_sum
 
 
 @cache
-def carry(dim: int, real, module):
+def conservative_advect_kernel(dim: int, real, module):
     """Kernel over cells, of those that are near: q* and q* - l of a scalar followed back over the step clock[0] [s]."""
-    S, f, tile, back = structs(real), functions(dim, real), tiles(dim, real), backtrace(dim, -1, real, True)
-    cubic, linear = carried(dim, -1, "cubic", True, real), carried(dim, -1, "linear", True, real)
+    S, f, tile, back = (grid_structs(real), grid_functions(dim, real), tile_function(dim, real),
+                        backtrace_function(dim, -1, real, True))
+    cubic, linear = carried_value_function(dim, -1, "cubic", True, real), carried_value_function(dim, -1, "linear", True, real)
 
-    def carry(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), clock: wp.array(dtype=real), near: wp.array(dtype=int),
-              q_out: wp.array(dtype=real), less_out: wp.array(dtype=real)):
+    def advect_conservative(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), clock: wp.array(dtype=real),
+                            near: wp.array(dtype=int), q_out: wp.array(dtype=real), less_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         if near[tile(g, i)] != 0:
@@ -34,16 +35,17 @@ def carry(dim: int, real, module):
             q_out[c] = value
             less_out[c] = value - linear(g, q, X)
 
-    return wp.kernel(carry, name=f"conserve_carry_{f.name}", module=module, enable_backward=False, launch_bounds=BOUNDS)
+    return wp.kernel(advect_conservative, name=f"conserve_carry_{f.name}", module=module, enable_backward=False,
+                     launch_bounds=BOUNDS)
 
 
 @cache
-def sums(dim: int, real, module):
+def conserved_sum_kernel(dim: int, real, module):
     """Kernel over blocks of threads: parts of the sums of q* - q, and of what q* - l is above and below 0."""
-    S, f, tile = structs(real), functions(dim, real), tiles(dim, real)
+    S, f, tile = grid_structs(real), grid_functions(dim, real), tile_function(dim, real)
 
-    def sums(g: S.Grid, near: wp.array(dtype=int), before: wp.array(dtype=real), q: wp.array(dtype=real),
-             less: wp.array(dtype=real), part_out: wp.array(dtype=wp.vec3d)):
+    def conserved_sum_parts(g: S.Grid, near: wp.array(dtype=int), before: wp.array(dtype=real), q: wp.array(dtype=real),
+                            less: wp.array(dtype=real), part_out: wp.array(dtype=wp.vec3d)):
         excess = wp.float64(0.0)
         above = wp.float64(0.0)
         below = wp.float64(0.0)
@@ -52,20 +54,21 @@ def sums(dim: int, real, module):
                 excess += wp.float64(q[c]) - wp.float64(before[c])
                 above += wp.float64(wp.max(less[c], real(0.0)))
                 below += wp.float64(wp.min(less[c], real(0.0)))
-        excess = total(excess)
-        above = total(above)
-        below = total(below)
+        excess = block_sum(excess)
+        above = block_sum(above)
+        below = block_sum(below)
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = wp.vec3d(excess, above, below)
 
-    return wp.kernel(sums, name=f"conserve_sums_{f.name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(conserved_sum_parts, name=f"conserve_sums_{f.name}", module=module, enable_backward=False,
+                     grid_stride=False)
 
 
 @cache
-def share(module):
+def correction_share_kernel(module):
     """Kernel over one block of threads: L of the cells above 0 and of those below, share_out (2,); one of them is 0."""
 
-    def share(part: wp.array(dtype=wp.vec3d), share_out: wp.array(dtype=wp.float64)):
+    def correction_share(part: wp.array(dtype=wp.vec3d), share_out: wp.array(dtype=wp.float64)):
         zero = wp.float64(0.0)
         excess = wp.float64(0.0)
         above = wp.float64(0.0)
@@ -75,9 +78,9 @@ def share(module):
             excess += p[0]
             above += p[1]
             below += p[2]
-        excess = total(excess)
-        above = total(above)
-        below = total(below)
+        excess = block_sum(excess)
+        above = block_sum(above)
+        below = block_sum(below)
         if wp.tid() == 0:
             share_out[0] = zero
             share_out[1] = zero
@@ -86,16 +89,16 @@ def share(module):
             if excess < zero and below < zero:
                 share_out[1] = excess / below
 
-    return wp.kernel(share, name="conserve_share", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(correction_share, name="conserve_share", module=module, enable_backward=False, grid_stride=False)
 
 
 @cache
-def keep(dim: int, real, module):
+def conserved_scalar_kernel(dim: int, real, module):
     """Kernel over cells: a scalar of those that are near becomes q_out above, and marks its tiles."""
-    S, f, tile, seen = structs(real), functions(dim, real), tiles(dim, real), some(real)
+    S, f, tile, seen = grid_structs(real), grid_functions(dim, real), tile_function(dim, real), flush_small_function(real)
 
-    def keep(g: S.Grid, near: wp.array(dtype=int), q: wp.array(dtype=real), less: wp.array(dtype=real),
-             share: wp.array(dtype=wp.float64), holds_out: wp.array(dtype=int), q_out: wp.array(dtype=real)):
+    def restore_scalar_sum(g: S.Grid, near: wp.array(dtype=int), q: wp.array(dtype=real), less: wp.array(dtype=real),
+                           share: wp.array(dtype=wp.float64), holds_out: wp.array(dtype=int), q_out: wp.array(dtype=real)):
         c = wp.tid()
         m = tile(g, f.place(c, g.n))
         if near[m] != 0:
@@ -107,4 +110,4 @@ def keep(dim: int, real, module):
             if value != real(0.0):
                 holds_out[m] = 1
 
-    return wp.kernel(keep, name=f"conserve_keep_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(restore_scalar_sum, name=f"conserve_keep_{f.name}", module=module, enable_backward=False)

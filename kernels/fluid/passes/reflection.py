@@ -12,20 +12,20 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import structs
-from wsim.kernels.fluid.pressure import gradient
+from wsim.kernels.fluid.grid import grid_structs
+from wsim.kernels.fluid.pressure import pressure_gradient_function
 from wsim.kernels.math.real import types
 
 
 @cache
-def reflect(dim: int, axis: int, fractions: bool, moving: bool, real, module):
+def reflection_kernel(dim: int, axis: int, fractions: bool, moving: bool, real, module):
     """Kernel over the faces of an axis: of v and u, and the pressure of v: w_out = v - grad p, v_out = 2 w - v,
     u_out = 2 w - u. o, s: openings and velocities of what covers faces."""
-    t, S = types(real), structs(real)
-    take = gradient(dim, axis, fractions, moving, real)
+    t, S = types(real), grid_structs(real)
+    take = pressure_gradient_function(dim, axis, fractions, moving, real)
 
-    def reflect(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: S.Faces, v_out: wp.array(dtype=real),
-                u_out: wp.array(dtype=real), w_out: wp.array(dtype=real)):
+    def reflect_velocity(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: S.Faces, v_out: wp.array(dtype=real),
+                         u_out: wp.array(dtype=real), w_out: wp.array(dtype=real)):
         c = wp.tid()
         v = v_out[c]
         u = u_out[c]
@@ -35,4 +35,4 @@ def reflect(dim: int, axis: int, fractions: bool, moving: bool, real, module):
         u_out[c] = real(2.0) * w - u
 
     name = f"reflect_{'xyz'[axis]}{'_fractions' * fractions}{'_moving' * moving}_{dim}d_{t.name}"
-    return wp.kernel(reflect, name=name, module=module, enable_backward=False)
+    return wp.kernel(reflect_velocity, name=name, module=module, enable_backward=False)

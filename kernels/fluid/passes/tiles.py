@@ -16,8 +16,8 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.advection import BOUNDS, backtrace, carried
-from wsim.kernels.fluid.grid import functions, structs
+from wsim.kernels.fluid.advection import BOUNDS, backtrace_function, carried_value_function
+from wsim.kernels.fluid.grid import grid_functions, grid_structs
 from wsim.kernels.math.real import types
 
 EDGE = 8                                          # cells of a tile along each axis
@@ -26,32 +26,32 @@ READ = 3.0                                        # rows beyond the end of a way
 FAR = 8                                           # tiles: air that comes from further comes from everywhere
 
 
-def shape(n: tuple[int, ...]) -> tuple[int, int, int]:
+def tile_counts(n: tuple[int, ...]) -> tuple[int, int, int]:
     """Tiles along the axes of n cells."""
     x, y, z = (-(-m // EDGE) for m in n)
     return x, y, z
 
 
 @cache
-def tiles(dim: int, real):
+def tile_function(dim: int, real):
     """Function (g, i) -> tile of cell i."""
-    S = structs(real)
+    S = grid_structs(real)
 
     @wp.func
-    def tile(g: S.Grid, i: wp.vec3i):
+    def tile_of_cell(g: S.Grid, i: wp.vec3i):
         if wp.static(dim == 2):
             return (i[0] >> 3) * ((g.n[1] + 7) >> 3) + (i[1] >> 3)
         return ((i[0] >> 3) * ((g.n[1] + 7) >> 3) + (i[1] >> 3)) * ((g.n[2] + 7) >> 3) + (i[2] >> 3)
 
-    return tile
+    return tile_of_cell
 
 
 @cache
-def mark(dim: int, both: bool, real, module):
+def tile_mark_kernel(dim: int, both: bool, real, module):
     """Kernel over cells: tiles that hold some of a scalar (both: of either)."""
-    S, f, tile = structs(real), functions(dim, real), tiles(dim, real)
+    S, f, tile = grid_structs(real), grid_functions(dim, real), tile_function(dim, real)
 
-    def mark(g: S.Grid, q: wp.array(dtype=real), r: wp.array(dtype=real), holds_out: wp.array(dtype=int)):
+    def mark_filled_tiles(g: S.Grid, q: wp.array(dtype=real), r: wp.array(dtype=real), holds_out: wp.array(dtype=int)):
         c = wp.tid()
         found = q[c] != real(0.0)
         if wp.static(both):
@@ -59,21 +59,21 @@ def mark(dim: int, both: bool, real, module):
         if found:
             holds_out[tile(g, f.place(c, g.n))] = 1
 
-    return wp.kernel(mark, name=f"tiles_mark{'_both' * both}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(mark_filled_tiles, name=f"tiles_mark{'_both' * both}_{f.name}", module=module, enable_backward=False)
 
 
 @cache
-def near(dim: int, real, module):
+def near_tile_kernel(dim: int, real, module):
     """Kernel over tiles: which are near to one that holds some. speed: greatest |u| of the faces [m/s], (1,)."""
-    S, t = structs(real), types(real)
+    S, t = grid_structs(real), types(real)
 
     @wp.func
-    def around(j: int, n: int):
+    def periodic_tile(j: int, n: int):
         """Tile of place j of n, which may be further than once around."""
         return wp.where(j < 0 or j >= n, (j + n * wp.static(2 * FAR + 4)) % n, j)
 
-    def near(g: S.Grid, holds: wp.array(dtype=int), speed: wp.array(dtype=real), clock: wp.array(dtype=real),
-             near_out: wp.array(dtype=int)):
+    def mark_near_tiles(g: S.Grid, holds: wp.array(dtype=int), speed: wp.array(dtype=real), clock: wp.array(dtype=real),
+                        near_out: wp.array(dtype=int)):
         c = wp.tid()
         n = wp.vec3i((g.n[0] + 7) >> 3, (g.n[1] + 7) >> 3, (g.n[2] + 7) >> 3)
         i = c // (n[1] * n[2])
@@ -102,23 +102,23 @@ def near(dim: int, real, module):
         if found == 0:
             for x in range(low[0], high[0] + 1):
                 for y in range(low[1], high[1] + 1):
-                    row = (around(x, n[0]) * n[1] + around(y, n[1])) * n[2]
+                    row = (periodic_tile(x, n[0]) * n[1] + periodic_tile(y, n[1])) * n[2]
                     for z in range(low[2], high[2] + 1):
-                        found = wp.max(found, holds[row + around(z, n[2])])
+                        found = wp.max(found, holds[row + periodic_tile(z, n[2])])
         near_out[c] = found
 
-    return wp.kernel(near, name=f"tiles_near_{dim}d_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(mark_near_tiles, name=f"tiles_near_{dim}d_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def carry(dim: int, scheme: str, third: bool, both: bool, real, module):
+def tile_advection_kernel(dim: int, scheme: str, third: bool, both: bool, real, module):
     """Kernel over cells, of those that are near: a scalar (both: two, which have the way back in common) followed back over the
     step clock[0] [s]. Others are left as they are."""
-    S, f, tile = structs(real), functions(dim, real), tiles(dim, real)
-    back, at = backtrace(dim, -1, real, third), carried(dim, -1, scheme, scheme == "cubic", real)
+    S, f, tile = grid_structs(real), grid_functions(dim, real), tile_function(dim, real)
+    back, at = backtrace_function(dim, -1, real, third), carried_value_function(dim, -1, scheme, scheme == "cubic", real)
 
-    def carry(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
-              near: wp.array(dtype=int), q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
+    def advect_near_tiles(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
+                          near: wp.array(dtype=int), q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         if near[tile(g, i)] != 0:
@@ -128,31 +128,31 @@ def carry(dim: int, scheme: str, third: bool, both: bool, real, module):
                 r_out[c] = at(g, r, X)
 
     name = f"tiles_carry{'_both' * both}_{scheme}{'_rk3' * third}_{f.name}"
-    return wp.kernel(carry, name=name, module=module, enable_backward=False, launch_bounds=BOUNDS)
+    return wp.kernel(advect_near_tiles, name=name, module=module, enable_backward=False, launch_bounds=BOUNDS)
 
 
 @cache
-def some(real):
+def flush_small_function(real):
     """Function q -> q, or 0 below LEAST."""
     least = LEAST[types(real).name]
 
     @wp.func
-    def some(q: real):
+    def flush_small_value(q: real):
         value = q
         if wp.abs(q) < real(wp.static(least)):
             value = real(0.0)
         return value
 
-    return some
+    return flush_small_value
 
 
 @cache
-def keep(dim: int, both: bool, real, module):
-    """Kernel over cells: scalars of those that are near become what `carry` has found, and mark their tiles."""
-    S, f, tile, seen = structs(real), functions(dim, real), tiles(dim, real), some(real)
+def tile_scalar_kernel(dim: int, both: bool, real, module):
+    """Kernel over cells: scalars of those that are near become what `tile_advection_kernel` has found, and mark their tiles."""
+    S, f, tile, seen = grid_structs(real), grid_functions(dim, real), tile_function(dim, real), flush_small_function(real)
 
-    def keep(g: S.Grid, near: wp.array(dtype=int), q: wp.array(dtype=real), r: wp.array(dtype=real),
-             holds_out: wp.array(dtype=int), q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
+    def store_near_tiles(g: S.Grid, near: wp.array(dtype=int), q: wp.array(dtype=real), r: wp.array(dtype=real),
+                         holds_out: wp.array(dtype=int), q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
         c = wp.tid()
         m = tile(g, f.place(c, g.n))
         if near[m] != 0:
@@ -165,4 +165,4 @@ def keep(dim: int, both: bool, real, module):
             if value != real(0.0) or other != real(0.0):
                 holds_out[m] = 1
 
-    return wp.kernel(keep, name=f"tiles_keep{'_both' * both}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(store_near_tiles, name=f"tiles_keep{'_both' * both}_{f.name}", module=module, enable_backward=False)

@@ -7,8 +7,9 @@ T_a is 2 -1, closed ends 1, open ends 3, or around: cosines, sines and waves are
 constant of a sealed box, is left out. Work: n^4 for n^3 cells.
 
 Where both ends of an axis are alike T_a is its own mirror image: what is even about the middle and what is odd stay apart.
-`fold` makes of x the sums and differences of mirrored cells, (x_k + x_m) / sqrt 2 in place k and (x_k - x_m) / sqrt 2 in place
-m = n - 1 - k, along all such axes at once; it is its own inverse. There Q has two blocks, and a product half of the work.
+`fold_halves_kernel` makes of x the sums and differences of mirrored cells, (x_k + x_m) / sqrt 2 in place k and (x_k - x_m) /
+sqrt 2 in place m = n - 1 - k, along all such axes at once; it is its own inverse. There Q has two blocks, and a product half of
+the work.
 
 A product goes by tiles of 64 x 64 numbers, each by a block of 128 threads on CUDA, which keeps 64 x 16 numbers of both factors
 in shared memory, and 4 x 8 sums in each thread; on the CPU by one thread.
@@ -18,7 +19,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import functions
+from wsim.kernels.fluid.grid import grid_functions
 from wsim.kernels.math.real import types
 
 SIDE = 64                                 # of a tile
@@ -132,30 +133,30 @@ FOLD = """
 
 
 @cache
-def tile(left: bool, real):
+def product_tile_function(left: bool, real):
     """Function (first, second, size, at, span, values, least, out): one tile of a product, from place `at` (batch, row, column;
     deep) up to the row (left) or column span[0], summed over span[1] .. span[2]. Not left: over the sum of the eigenvalues,
     where there are some: `values` of all axes, one axis behind the other; deep: cells of the middle one, 0: there is none."""
     kind = "float" if real is wp.float32 else "double"
 
     @wp.func_native(PRODUCT.replace("TYPE", kind).replace("LEFT", str(int(left))))
-    def tile(first: wp.array(dtype=real), second: wp.array(dtype=real), size: wp.vec3i, at: wp.vec4i, span: wp.vec3i,
-             values: wp.array(dtype=real), least: real, out: wp.array(dtype=real)):
+    def native_product_tile(first: wp.array(dtype=real), second: wp.array(dtype=real), size: wp.vec3i, at: wp.vec4i,
+                            span: wp.vec3i, values: wp.array(dtype=real), least: real, out: wp.array(dtype=real)):
         ...
 
-    return tile
+    return native_product_tile
 
 
 @cache
-def product(last: bool, real, module):
+def axis_product_kernel(last: bool, real, module):
     """Kernel over blocks of threads, one for each tile (batch, rows, columns) of y_out (batch, M, N), size (M, N, K).
     last: y = x[b] Q, with x (batch, M, K) and Q (K, N), along the last axis of x; else y = Q^T x[b], with Q (K, M) and x
     (batch, K, N). Q: blocks of `even` rows and columns, and of the others. values: those that y is divided by; none: it is not;
     y is 0 where they sum to less than `least`."""
-    of = tile(not last, real)
+    of = product_tile_function(not last, real)
 
     @wp.func
-    def span(part: int, even: int, n: int):
+    def product_tile_span(part: int, even: int, n: int):
         """(first place, its end, first of the sum, its end) of a tile along the axis."""
         many = (even + SIDE - 1) // SIDE
         found = wp.vec4i(part * SIDE, even, 0, even)
@@ -163,8 +164,8 @@ def product(last: bool, real, module):
             found = wp.vec4i(even + (part - many) * SIDE, n, even, n)
         return found
 
-    def product(Q: wp.array(dtype=real), x: wp.array(dtype=real), size: wp.vec3i, even: int, values: wp.array(dtype=real),
-                deep: int, least: real, y_out: wp.array(dtype=real)):
+    def multiply_along_axis(Q: wp.array(dtype=real), x: wp.array(dtype=real), size: wp.vec3i, even: int,
+                            values: wp.array(dtype=real), deep: int, least: real, y_out: wp.array(dtype=real)):
         c = wp.tid() // wp.block_dim()
         n = size[2]
         own = (even + SIDE - 1) // SIDE + (n - even + SIDE - 1) // SIDE
@@ -172,27 +173,27 @@ def product(last: bool, real, module):
         batch = c // (own * across)
         c = c - batch * own * across
         if wp.static(last):
-            s = span(c % own, even, n)
+            s = product_tile_span(c % own, even, n)
             of(x, Q, size, wp.vec4i(batch, c // own * SIDE, s[0], deep), wp.vec3i(s[1], s[2], s[3]), values, least, y_out)
         else:
-            s = span(c // across, even, n)
+            s = product_tile_span(c // across, even, n)
             of(Q, x, size, wp.vec4i(batch, s[0], c % across * SIDE, deep), wp.vec3i(s[1], s[2], s[3]), values, least, y_out)
 
-    return wp.kernel(product, name=f"diagonal_{'last' if last else 'along'}_{types(real).name}", module=module,
+    return wp.kernel(multiply_along_axis, name=f"diagonal_{'last' if last else 'along'}_{types(real).name}", module=module,
                      enable_backward=False, grid_stride=False)
 
 
 @cache
-def fold(dim: int, real, module):
+def fold_halves_kernel(dim: int, real, module):
     """Kernel over the cells of a corner, of shape `some`, half of the axes that are `folded` (1; else 0): x_out of x, which may
     be the same array."""
-    f, kind = functions(dim, real), "float" if real is wp.float32 else "double"
+    f, kind = grid_functions(dim, real), "float" if real is wp.float32 else "double"
 
     @wp.func_native(FOLD.replace("TYPE", kind))
-    def butterflies(i: wp.vec3i, n: wp.vec3i, folded: wp.vec3i, x: wp.array(dtype=real), out: wp.array(dtype=real)):
+    def native_butterflies(i: wp.vec3i, n: wp.vec3i, folded: wp.vec3i, x: wp.array(dtype=real), out: wp.array(dtype=real)):
         ...
 
-    def fold(n: wp.vec3i, some: wp.vec3i, folded: wp.vec3i, x: wp.array(dtype=real), x_out: wp.array(dtype=real)):
-        butterflies(f.place(wp.tid(), some), n, folded, x, x_out)
+    def fold_even_odd(n: wp.vec3i, some: wp.vec3i, folded: wp.vec3i, x: wp.array(dtype=real), x_out: wp.array(dtype=real)):
+        native_butterflies(f.place(wp.tid(), some), n, folded, x, x_out)
 
-    return wp.kernel(fold, name=f"diagonal_fold_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(fold_even_odd, name=f"diagonal_fold_{f.name}", module=module, enable_backward=False)

@@ -13,16 +13,16 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import functions
-from wsim.kernels.fluid.pressure import FREE, levels, stencil
+from wsim.kernels.fluid.grid import grid_functions
+from wsim.kernels.fluid.pressure import FREE, poisson_stencil, pressure_levels
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.pcg import block_sum
 
 SCALE = wp.constant(wp.float64(2.0**61))       # |sum of b| <= cells |b|: no sum is beyond 63 bits
 
 
 @wp.func
-def root(parent: wp.array(dtype=int), cell: int):
+def find_forest_root(parent: wp.array(dtype=int), cell: int):
     c = int(cell)
     above = parent[c]
     while above != c:
@@ -32,9 +32,9 @@ def root(parent: wp.array(dtype=int), cell: int):
 
 
 @wp.func
-def unite(parent: wp.array(dtype=int), one: int, other: int):
-    a = root(parent, one)
-    b = root(parent, other)
+def unite_trees(parent: wp.array(dtype=int), one: int, other: int):
+    a = find_forest_root(parent, one)
+    b = find_forest_root(parent, other)
     while a != b:
         high = wp.max(a, b)
         low = wp.min(a, b)
@@ -42,7 +42,7 @@ def unite(parent: wp.array(dtype=int), one: int, other: int):
         a = low
         b = low
         if above != high:
-            b = root(parent, above)
+            b = find_forest_root(parent, above)
 
 
 @wp.struct
@@ -55,18 +55,18 @@ class Forest:
 
 
 @cache
-def finders(dim: int, free: bool, real, module) -> SimpleNamespace:
+def island_finder_kernels(dim: int, free: bool, real, module) -> SimpleNamespace:
     """Kernels over cells, one after another: plant (each its own root), join (cells with an open face between them), settle
     (labels, cells and vents of roots)."""
-    Level, s, f = levels(real), stencil(dim, FREE if free else True, real), functions(dim, real)
+    Level, s, f = pressure_levels(real), poisson_stencil(dim, FREE if free else True, real), grid_functions(dim, real)
 
-    def plant(level: Level, to: Forest):
+    def plant_forest(level: Level, to: Forest):
         c = wp.tid()
         to.parent[c] = wp.where(s.diagonal(level, f.place(c, level.n)) > real(0.0), c, -1)
         to.vented[c] = 0
         to.count[c] = 0
 
-    def join(level: Level, to: Forest):
+    def join_open_cells(level: Level, to: Forest):
         c = wp.tid()
         i = f.place(c, level.n)
         for a in range(wp.static(dim)):
@@ -78,15 +78,15 @@ def finders(dim: int, free: bool, real, module) -> SimpleNamespace:
                 step = level.n[2]
             if high > real(0.0):
                 if i[a] + 1 < level.n[a]:
-                    unite(to.parent, c, c + step)
+                    unite_trees(to.parent, c, c + step)
                 elif level.periodic[a] != 0:
-                    unite(to.parent, c, c - (level.n[a] - 1) * step)
+                    unite_trees(to.parent, c, c - (level.n[a] - 1) * step)
 
-    def settle(level: Level, to: Forest):
+    def label_islands(level: Level, to: Forest):
         c = wp.tid()
         to.label[c] = -1
         if to.parent[c] >= 0:
-            r = root(to.parent, c)
+            r = find_forest_root(to.parent, c)
             to.label[c] = r
             wp.atomic_add(to.count, r, 1)
             i = f.place(c, level.n)
@@ -100,43 +100,43 @@ def finders(dim: int, free: bool, real, module) -> SimpleNamespace:
                     wp.atomic_max(to.vented, r, 1)
 
     make = [wp.kernel(k, name=f"islands_{k.__name__}{'_free' * free}_{f.name}", module=module, enable_backward=False)
-            for k in (plant, join, settle)]
+            for k in (plant_forest, join_open_cells, label_islands)]
     return SimpleNamespace(plant=make[0], join=make[1], settle=make[2])
 
 
 @cache
-def levellers(real, module) -> SimpleNamespace:
+def island_level_kernels(real, module) -> SimpleNamespace:
     """Kernels: scale (one block: S is SCALE / (cells |b|), of parts of b.b), clear (over cells), gather (over cells: sums),
     level (over cells: means off)."""
     name = types(real).name
 
-    def scale(part: wp.array(dtype=wp.vec2d), cells: int, S_out: wp.array(dtype=wp.float64)):
+    def island_sum_scale(part: wp.array(dtype=wp.vec2d), cells: int, S_out: wp.array(dtype=wp.float64)):
         sum = wp.float64(0.0)
         for k in range(wp.tid(), part.shape[0], wp.block_dim()):
             sum += part[k][0]
-        sum = total(sum)
+        sum = block_sum(sum)
         if wp.tid() == 0:
             size = wp.float64(cells) * wp.sqrt(sum)
             S_out[0] = wp.where(size > wp.float64(0.0), SCALE / size, wp.float64(0.0))
 
-    def clear(to: Forest):
+    def clear_island_sums(to: Forest):
         to.sum[wp.tid()] = wp.int64(0)
 
-    def gather(b: wp.array(dtype=real), S: wp.array(dtype=wp.float64), to: Forest):
+    def gather_island_sums(b: wp.array(dtype=real), S: wp.array(dtype=wp.float64), to: Forest):
         c = wp.tid()
         r = to.label[c]
         if r >= 0:
             if to.vented[r] == 0:
                 wp.atomic_add(to.sum, r, wp.int64(S[0] * wp.float64(b[c])))
 
-    def level(of: Forest, S: wp.array(dtype=wp.float64), b_out: wp.array(dtype=real)):
+    def remove_island_means(of: Forest, S: wp.array(dtype=wp.float64), b_out: wp.array(dtype=real)):
         c = wp.tid()
         r = of.label[c]
         if r >= 0:
             if of.vented[r] == 0 and S[0] > wp.float64(0.0):
                 b_out[c] = real(wp.float64(b_out[c]) - wp.float64(of.sum[r]) / (S[0] * wp.float64(of.count[r])))
 
-    one = wp.kernel(scale, name="islands_scale", module=module, enable_backward=False, grid_stride=False)
+    one = wp.kernel(island_sum_scale, name="islands_scale", module=module, enable_backward=False, grid_stride=False)
     make = [wp.kernel(k, name=f"islands_{k.__name__}_{name}", module=module, enable_backward=False)
-            for k in (clear, gather, level)]
+            for k in (clear_island_sums, gather_island_sums, remove_island_means)]
     return SimpleNamespace(scale=one, clear=make[0], gather=make[1], level=make[2])

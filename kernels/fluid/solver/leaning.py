@@ -12,17 +12,17 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
-from wsim.kernels.fluid.solver.floating import at_faces, covers
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_structs
+from wsim.kernels.fluid.solver.floating import at_faces, body_covers
 from wsim.kernels.math.real import types
 
 
 @cache
-def lean(dim: int, real, module):
+def surface_pressure_kernels(dim: int, real, module):
     """Kernels over cells: at_rest (gravity, clock) -> q_out, the pressure on the surface of what covers a cell over that at its
     centre, of a fluid at rest; found (p) -> of p, over `rest`. solid: signed distance at the nodes [m], of `shape`; phi: of a
     liquid, None: all cells are fluid."""
-    t, S, f, Cover, of = types(real), structs(real), functions(dim, real), covers(real), at_faces(dim, real)
+    t, S, f, Cover, of = types(real), grid_structs(real), grid_functions(dim, real), body_covers(real), at_faces(dim, real)
 
     @wp.func
     def to_surface(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
@@ -32,7 +32,7 @@ def lean(dim: int, real, module):
         corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
         for m in range(corners):
             j = wp.vec3i(m % 2, (m // 2) % 2, m // 4)
-            q = solid[flat(i + j, shape)]
+            q = solid[flat_cell_index(i + j, shape)]
             value += q
             for a in range(wp.static(dim)):
                 n[a] = n[a] + real(2 * j[a] - 1) * q
@@ -42,8 +42,8 @@ def lean(dim: int, real, module):
             way = -(value / (real(wp.static(2 ** dim)) * g.dx)) * n / size
         return way
 
-    def at_rest(g: S.Grid, cover: Cover, shape: wp.vec3i, solid: wp.array(dtype=real), gravity: wp.array(dtype=real),
-                clock: wp.array(dtype=real), q_out: wp.array(dtype=real)):
+    def hydrostatic_difference(g: S.Grid, cover: Cover, shape: wp.vec3i, solid: wp.array(dtype=real),
+                               gravity: wp.array(dtype=real), clock: wp.array(dtype=real), q_out: wp.array(dtype=real)):
         c = wp.tid()
         if cover.mark[c] != 0:
             way = to_surface(g, shape, solid, f.place(c, g.n))
@@ -52,8 +52,9 @@ def lean(dim: int, real, module):
                 sum += way[a] * clock[0] * gravity[a]
             q_out[c] = sum
 
-    def found(g: S.Grid, cover: Cover, shape: wp.vec3i, solid: wp.array(dtype=real), phi: wp.array(dtype=real),
-              p: wp.array(dtype=real), rest: wp.array(dtype=real), q_out: wp.array(dtype=real)):
+    def surface_pressure_excess(g: S.Grid, cover: Cover, shape: wp.vec3i, solid: wp.array(dtype=real),
+                                phi: wp.array(dtype=real),
+                                p: wp.array(dtype=real), rest: wp.array(dtype=real), q_out: wp.array(dtype=real)):
         c = wp.tid()
         if cover.mark[c] != 0:
             i = f.place(c, g.n)
@@ -67,7 +68,7 @@ def lean(dim: int, real, module):
                     j[a] = i[a] + 2 * side - 1
                     b, closed = of.share(g, cover, i, a, side)
                     if j[a] >= 0 and j[a] < g.n[a] and wp.abs(closed) < real(1.0):
-                        n = flat(j, g.n)
+                        n = flat_cell_index(j, g.n)
                         wet = int(1)
                         if phi:
                             if phi[n] >= real(0.0):
@@ -80,15 +81,15 @@ def lean(dim: int, real, module):
             q_out[c] = sum - rest[c]
 
     return [wp.kernel(k, name=f"floating_lean_{k.__name__}_{f.name}", module=module, enable_backward=False)
-            for k in (at_rest, found)]
+            for k in (hydrostatic_difference, surface_pressure_excess)]
 
 
 @cache
-def both(real, module):
+def cell_addition_kernel(real, module):
     """Kernel over cells: x_out += y."""
 
-    def both(y: wp.array(dtype=real), x_out: wp.array(dtype=real)):
+    def add_cell_values(y: wp.array(dtype=real), x_out: wp.array(dtype=real)):
         c = wp.tid()
         x_out[c] = x_out[c] + y[c]
 
-    return wp.kernel(both, name=f"floating_both_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(add_cell_values, name=f"floating_both_{types(real).name}", module=module, enable_backward=False)

@@ -10,14 +10,14 @@ FREE = 2                 # in the place of `fractions`: with a free surface too 
 
 
 @cache
-def levels(real):
+def pressure_levels(real):
     """Struct of an equation: cells, which axes are periodic, k of inner faces, factors on it at low and high sides; with
     obstacles k of every face of an axis instead, before those factors; of a free surface that of each cell itself, to a
     pressure of 0."""
     t = types(real)
 
     @wp.struct
-    class Level:
+    class PressureLevel:
         n: wp.vec3i
         periodic: wp.vec3i
         k: t.vec3
@@ -28,4 +28,4 @@ def levels(real):
         z: wp.array(dtype=real)
         own: wp.array(dtype=real)
 
-    return Level
+    return PressureLevel

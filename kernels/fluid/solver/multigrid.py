@@ -19,19 +19,19 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions
-from wsim.kernels.fluid.pressure import FREE, levels, stencil
+from wsim.kernels.fluid.grid import flat_cell_index, grid_functions
+from wsim.kernels.fluid.pressure import FREE, poisson_stencil, pressure_levels
 from wsim.kernels.math.real import types
 
 
 @cache
-def passes(dim: int, fractions: bool | int, real) -> SimpleNamespace:
+def vcycle_functions(dim: int, fractions: bool | int, real) -> SimpleNamespace:
     """Functions: coloured(c, color, n) -> place of cell c of half of them, whose last axis may be n: none. fresh, swept, risen
     -> x of a cell; residual(level, coarse cell, halved, b, x) -> b of a coarse cell."""
-    Level, s = levels(real), stencil(dim, fractions, real)
+    Level, s = pressure_levels(real), poisson_stencil(dim, fractions, real)
 
     @wp.func
-    def coloured(c: int, color: int, n: wp.vec3i):
+    def checkerboard_cell(c: int, color: int, n: wp.vec3i):
         if wp.static(dim == 3):
             half = (n[2] + 1) // 2
             m = c // half
@@ -43,24 +43,24 @@ def passes(dim: int, fractions: bool | int, real) -> SimpleNamespace:
         return wp.vec3i(i, 2 * (c - i * half) + ((i + color) & 1), 0)
 
     @wp.func
-    def over(b: real, own: real):
+    def safe_quotient(b: real, own: real):
         value = real(0.0)
         if own > real(0.0):
             value = b / own
         return value
 
     @wp.func
-    def fresh(level: Level, b: wp.array(dtype=real), i: wp.vec3i):
+    def first_gauss_seidel(level: Level, b: wp.array(dtype=real), i: wp.vec3i):
         """With 0 around."""
-        return over(b[flat(i, level.n)], s.diagonal(level, i))
+        return safe_quotient(b[flat_cell_index(i, level.n)], s.diagonal(level, i))
 
     @wp.func
-    def swept(level: Level, b: wp.array(dtype=real), x: wp.array(dtype=real), i: wp.vec3i):
+    def gauss_seidel_value(level: Level, b: wp.array(dtype=real), x: wp.array(dtype=real), i: wp.vec3i):
         own, sum = s.beside(level, x, i)
-        return over(b[flat(i, level.n)] + sum, own)
+        return safe_quotient(b[flat_cell_index(i, level.n)] + sum, own)
 
     @wp.func
-    def begun(level: Level, b: wp.array(dtype=real), i: wp.vec3i):
+    def first_sweep_value(level: Level, b: wp.array(dtype=real), i: wp.vec3i):
         """After the first sweep over the red cells, of a red cell; after that over the black ones too, of a black cell."""
         sum = real(0.0)
         own = real(0.0)
@@ -75,23 +75,23 @@ def passes(dim: int, fractions: bool | int, real) -> SimpleNamespace:
                     if level.periodic[a] != 0:
                         j[a] = (j[a] + level.n[a]) % level.n[a]
                     if j[a] >= 0 and j[a] < level.n[a]:
-                        sum += k * fresh(level, b, j)
+                        sum += k * first_gauss_seidel(level, b, j)
         else:
             own = s.diagonal(level, i)
-        return over(b[flat(i, level.n)] + sum, own)
+        return safe_quotient(b[flat_cell_index(i, level.n)] + sum, own)
 
     @wp.func
-    def halfway(i: wp.vec3i, halved: wp.vec3i):
+    def parent_coarse_cell(i: wp.vec3i, halved: wp.vec3i):
         """Coarse cell of a fine one."""
         return wp.vec3i(i[0] >> (halved[0] - 1), i[1] >> (halved[1] - 1), i[2] >> (halved[2] - 1))
 
     @wp.func
-    def risen(level: Level, coarse: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), y: wp.array(dtype=real),
-              x: wp.array(dtype=real), i: wp.vec3i):
+    def prolonged_value(level: Level, coarse: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), y: wp.array(dtype=real),
+                        x: wp.array(dtype=real), i: wp.vec3i):
         """With x and that of the coarse cell, y, around."""
         own = real(0.0)
         if wp.static(fractions == FREE):
-            own += level.own[flat(i, level.n)]
+            own += level.own[flat_cell_index(i, level.n)]
         sum = real(0.0)
         for a in range(wp.static(dim)):
             low, high = s.couplings(level, i, a)
@@ -101,91 +101,93 @@ def passes(dim: int, fractions: bool | int, real) -> SimpleNamespace:
             if i[a] == 0:
                 j[a] = wp.where(level.periodic[a] != 0, level.n[a] - 1, i[a])
                 low = wp.where(level.periodic[a] != 0, low, real(0.0))
-            sum += low * (x[flat(j, level.n)] + y[flat(halfway(j, halved), coarse)])
+            sum += low * (x[flat_cell_index(j, level.n)] + y[flat_cell_index(parent_coarse_cell(j, halved), coarse)])
             j[a] = i[a] + 1
             if j[a] == level.n[a]:
                 j[a] = wp.where(level.periodic[a] != 0, 0, i[a])
                 high = wp.where(level.periodic[a] != 0, high, real(0.0))
-            sum += high * (x[flat(j, level.n)] + y[flat(halfway(j, halved), coarse)])
-        return over(b[flat(i, level.n)] + sum, own)
+            sum += high * (x[flat_cell_index(j, level.n)] + y[flat_cell_index(parent_coarse_cell(j, halved), coarse)])
+        return safe_quotient(b[flat_cell_index(i, level.n)] + sum, own)
 
     @wp.func
-    def residual(level: Level, at: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), x: wp.array(dtype=real)):
+    def restricted_residual(level: Level, at: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), x: wp.array(dtype=real)):
         sum = real(0.0)
         for i in range(at[0] * halved[0], wp.min((at[0] + 1) * halved[0], level.n[0])):
             for j in range(at[1] * halved[1], wp.min((at[1] + 1) * halved[1], level.n[1])):
                 for k in range(at[2] * halved[2], wp.min((at[2] + 1) * halved[2], level.n[2])):
                     if ((i + j + k) & 1) == 0:
                         here = wp.vec3i(i, j, k)
-                        sum += b[flat(here, level.n)] - s.product(level, x, here)
+                        sum += b[flat_cell_index(here, level.n)] - s.product(level, x, here)
         return sum
 
-    return SimpleNamespace(coloured=coloured, fresh=fresh, begun=begun, swept=swept, risen=risen, residual=residual,
+    return SimpleNamespace(coloured=checkerboard_cell, fresh=first_gauss_seidel, begun=first_sweep_value,
+                           swept=gauss_seidel_value, risen=prolonged_value, residual=restricted_residual,
                            diagonal=s.diagonal, name=s.name)
 
 
 @cache
-def sweep(dim: int, fractions: bool | int, fresh: bool, real, module):
+def gauss_seidel_kernel(dim: int, fractions: bool | int, fresh: bool, real, module):
     """Kernel over half of the cells: x of those of a colour. fresh: all others are taken for 0."""
-    Level, p = levels(real), passes(dim, fractions, real)
+    Level, p = pressure_levels(real), vcycle_functions(dim, fractions, real)
 
-    def sweep(level: Level, b: wp.array(dtype=real), color: int, x: wp.array(dtype=real), x_out: wp.array(dtype=real)):
+    def gauss_seidel_sweep(level: Level, b: wp.array(dtype=real), color: int, x: wp.array(dtype=real),
+                           x_out: wp.array(dtype=real)):
         i = p.coloured(wp.tid(), color, level.n)
         if i[wp.static(dim - 1)] < level.n[wp.static(dim - 1)]:
-            c = flat(i, level.n)
+            c = flat_cell_index(i, level.n)
             if wp.static(fresh):
                 x_out[c] = p.fresh(level, b, i)
             else:
                 x_out[c] = p.swept(level, b, x, i)
 
-    return wp.kernel(sweep, name=f"sweep{'_fresh' * fresh}_{p.name}", module=module, enable_backward=False)
+    return wp.kernel(gauss_seidel_sweep, name=f"sweep{'_fresh' * fresh}_{p.name}", module=module, enable_backward=False)
 
 
 @cache
-def begin(dim: int, real, module):
+def first_sweep_kernel(dim: int, real, module):
     """Kernel over cells, without obstacles: x_out after the first sweep over both colours, from x = 0."""
-    Level, p, f = levels(real), passes(dim, False, real), functions(dim, real)
+    Level, p, f = pressure_levels(real), vcycle_functions(dim, False, real), grid_functions(dim, real)
 
-    def begin(level: Level, b: wp.array(dtype=real), x_out: wp.array(dtype=real)):
+    def sweep_from_zero(level: Level, b: wp.array(dtype=real), x_out: wp.array(dtype=real)):
         c = wp.tid()
         x_out[c] = p.begun(level, b, f.place(c, level.n))
 
-    return wp.kernel(begin, name=f"sweep_begin_{p.name}", module=module, enable_backward=False)
+    return wp.kernel(sweep_from_zero, name=f"sweep_begin_{p.name}", module=module, enable_backward=False)
 
 
 @cache
-def restrict(dim: int, fractions: bool | int, real, module):
+def restriction_kernel(dim: int, fractions: bool | int, real, module):
     """Kernel over coarse cells: b_out of the residuals of the fine ones. halved: by which factor each axis is."""
-    Level, p, f = levels(real), passes(dim, fractions, real), functions(dim, real)
+    Level, p, f = pressure_levels(real), vcycle_functions(dim, fractions, real), grid_functions(dim, real)
 
-    def restrict(level: Level, coarse: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), x: wp.array(dtype=real),
-                 b_out: wp.array(dtype=real)):
+    def restrict_residual(level: Level, coarse: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), x: wp.array(dtype=real),
+                          b_out: wp.array(dtype=real)):
         c = wp.tid()
         b_out[c] = p.residual(level, f.place(c, coarse), halved, b, x)
 
-    return wp.kernel(restrict, name=f"restrict_{p.name}", module=module, enable_backward=False)
+    return wp.kernel(restrict_residual, name=f"restrict_{p.name}", module=module, enable_backward=False)
 
 
 @cache
-def rise(dim: int, fractions: bool | int, real, module):
+def prolongation_kernel(dim: int, fractions: bool | int, real, module):
     """Kernel over half of the fine cells: x_out of the black ones, with x + y around, y of the coarse cells."""
-    Level, p = levels(real), passes(dim, fractions, real)
+    Level, p = pressure_levels(real), vcycle_functions(dim, fractions, real)
 
-    def rise(level: Level, coarse: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), y: wp.array(dtype=real),
-             x: wp.array(dtype=real), x_out: wp.array(dtype=real)):
+    def prolong_and_sweep(level: Level, coarse: wp.vec3i, halved: wp.vec3i, b: wp.array(dtype=real), y: wp.array(dtype=real),
+                          x: wp.array(dtype=real), x_out: wp.array(dtype=real)):
         i = p.coloured(wp.tid(), 1, level.n)
         if i[wp.static(dim - 1)] < level.n[wp.static(dim - 1)]:
-            x_out[flat(i, level.n)] = p.risen(level, coarse, halved, b, y, x, i)
+            x_out[flat_cell_index(i, level.n)] = p.risen(level, coarse, halved, b, y, x, i)
 
-    return wp.kernel(rise, name=f"rise_{p.name}", module=module, enable_backward=False)
+    return wp.kernel(prolong_and_sweep, name=f"rise_{p.name}", module=module, enable_backward=False)
 
 
 @cache
-def coarsen(dim: int, axis: int, real, module):
+def face_coarsening_kernel(dim: int, axis: int, real, module):
     """Kernel over the coarse faces of an axis: k_out of the fine k, which has shape `fine`; of shape `coarse`."""
-    f, t = functions(dim, real), types(real)
+    f, t = grid_functions(dim, real), types(real)
 
-    def coarsen(coarse: wp.vec3i, fine: wp.vec3i, halved: wp.vec3i, k: wp.array(dtype=real), k_out: wp.array(dtype=real)):
+    def coarsen_faces(coarse: wp.vec3i, fine: wp.vec3i, halved: wp.vec3i, k: wp.array(dtype=real), k_out: wp.array(dtype=real)):
         c = wp.tid()
         at = f.place(c, coarse)
         first = wp.vec3i(at[0] * halved[0], at[1] * halved[1], at[2] * halved[2])
@@ -197,25 +199,27 @@ def coarsen(dim: int, axis: int, real, module):
         for i in range(first[0], last[0]):
             for j in range(first[1], last[1]):
                 for m in range(first[2], last[2]):
-                    sum += k[flat(wp.vec3i(i, j, m), fine)]
+                    sum += k[flat_cell_index(wp.vec3i(i, j, m), fine)]
         k_out[c] = sum / real(halved[wp.static(axis)])
 
-    return wp.kernel(coarsen, name=f"coarsen_{'xyz'[axis]}_{dim}d_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(coarsen_faces, name=f"coarsen_{'xyz'[axis]}_{dim}d_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def collect(dim: int, real, module):
-    """Kernel over coarse cells of a free surface: their own coupling, of the fine ones as `coarsen` has it of faces."""
-    f, t = functions(dim, real), types(real)
+def cell_coarsening_kernel(dim: int, real, module):
+    """Kernel over coarse cells of a free surface: their own coupling, of the fine ones as `face_coarsening_kernel` has it of
+    faces."""
+    f, t = grid_functions(dim, real), types(real)
 
-    def collect(coarse: wp.vec3i, fine: wp.vec3i, halved: wp.vec3i, own: wp.array(dtype=real), own_out: wp.array(dtype=real)):
+    def coarsen_cells(coarse: wp.vec3i, fine: wp.vec3i, halved: wp.vec3i, own: wp.array(dtype=real),
+                      own_out: wp.array(dtype=real)):
         c = wp.tid()
         at = f.place(c, coarse)
         sum = real(0.0)
         for i in range(at[0] * halved[0], wp.min((at[0] + 1) * halved[0], fine[0])):
             for j in range(at[1] * halved[1], wp.min((at[1] + 1) * halved[1], fine[1])):
                 for k in range(at[2] * halved[2], wp.min((at[2] + 1) * halved[2], fine[2])):
-                    sum += own[flat(wp.vec3i(i, j, k), fine)]
+                    sum += own[flat_cell_index(wp.vec3i(i, j, k), fine)]
         own_out[c] = sum / real(wp.max(halved[0], wp.max(halved[1], halved[2])))
 
-    return wp.kernel(collect, name=f"collect_{dim}d_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(coarsen_cells, name=f"collect_{dim}d_{t.name}", module=module, enable_backward=False)

@@ -23,7 +23,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.eigen import eigen, identity
+from wsim.kernels.math.eigen import eigen_three, identity_like
 
 HARDENING = wp.constant(4.0)       # snow: largest exponent; 55 times as stiff
 OPENED = wp.constant(1.0)          # sand: largest opening, beyond it what has flown apart does not count
@@ -87,7 +87,7 @@ def from_principal(V: Any, d: Any):
 def neo_hookean_respond(B: Any, q: Any, m: Any):
     two = type(q)(2.0)
     log_J = log_one_plus(determinant_strain(B)) / two
-    tau = m[0] * B + (m[1] * log_J) * identity(B)
+    tau = m[0] * B + (m[1] * log_J) * identity_like(B)
     a = m[0] * (two + wp.sqrt(wp.ddot(B, B))) + m[1] * (type(q)(1.0) + wp.abs(log_J))
     return B, q, tau, a
 
@@ -120,14 +120,14 @@ def corotational_wave(r: Any, mu: Any, lam: Any):
 
 @wp.func
 def corotational_respond(B: Any, q: Any, m: Any):
-    d, V = eigen(B)
+    d, V = eigen_three(B)
     r = stretch_strain(d)
     return B, q, from_principal(V, corotational_tau(r, m[0], m[1])), corotational_wave(r, m[0], m[1])
 
 
 @wp.func
 def corotational_energy(B: Any, q: Any, m: Any):
-    d, V = eigen(B)
+    d, V = eigen_three(B)
     r = stretch_strain(d)
     change = volume_strain(r)
     return m[0] * wp.dot(r, r) + type(q)(0.5) * m[1] * change * change
@@ -142,7 +142,7 @@ def snow_hardening(q: Any, m: Any):
 @wp.func
 def snow_respond(B: Any, q: Any, m: Any):
     one = type(q)(1.0)
-    d, V = eigen(B)
+    d, V = eigen_three(B)
     r = stretch_strain(d)
     before = volume_strain(r)
     held = r
@@ -169,7 +169,7 @@ def sand_respond(B: Any, q: Any, m: Any):
     zero = type(q)(0.0)
     one = type(q)(1.0)
     third = one / type(q)(3.0)
-    d, V = eigen(B)
+    d, V = eigen_three(B)
     e = d
     for i in range(3):
         e[i] = type(q)(0.5) * log_one_plus(wp.max(d[i], type(q)(-0.9999)))
@@ -210,7 +210,7 @@ def sand_respond(B: Any, q: Any, m: Any):
 
 @wp.func
 def sand_energy(B: Any, q: Any, m: Any):
-    d, V = eigen(B)
+    d, V = eigen_three(B)
     e = d
     for i in range(3):
         e[i] = type(q)(0.5) * log_one_plus(d[i])
@@ -229,7 +229,7 @@ def water_respond(B: Any, q: Any, m: Any):
     p = m[1] / m[2] * exp_less_one(-m[2] * log_one_plus(J))
     if m[3] == zero:
         p = wp.max(p, zero)
-    return zero * B, J, (-(one + J) * p) * identity(B), m[1] * wp.exp((one - m[2]) * log_one_plus(J))
+    return zero * B, J, (-(one + J) * p) * identity_like(B), m[1] * wp.exp((one - m[2]) * log_one_plus(J))
 
 
 @wp.func

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.collider.colliders import colliders
+from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.spline import spline_rows, spline_weight
@@ -107,7 +107,7 @@ def node_function(real):
 def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
     """Kernel over nodes of all blocks: velocities at the end of the step, and 1 where a collider is near. clock as above. cpu:
     nodes hold what particles have added."""
-    t, T, Colliders = types(real), point_tables(real), colliders(real)
+    t, T, Colliders = types(real), point_tables(real), collider_type(real)
     gather, wall = node_function(real), wall_functions(kinds, real)
     walls = bool(kinds)
 
@@ -177,7 +177,7 @@ def gather_function(cpu: bool, real):
 def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real, module):
     """Kernel over rows of the order: velocity, its gradient, strain, stress and place of a particle after the step. word, pace:
     see steps.py."""
-    t, T, Colliders = types(real), point_tables(real), colliders(real)
+    t, T, Colliders = types(real), point_tables(real), collider_type(real)
     f, wall, walls, gather = motion_functions(laws, real), wall_functions(kinds, real), bool(kinds), gather_function(cpu, real)
 
     def move_particles(g: T.BlockGrid, nodes: wp.array(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.collider.colliders import colliders
-from wsim.kernels.collider.table import queries
+from wsim.kernels.contact.collider.colliders import collider_type
+from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.tables import point_tables
@@ -29,8 +29,8 @@ SLIDES = wp.constant(2)            # walls that a particle may slide along in a 
 def wall_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
     """node_place(grid, block, cell) [m]; hold_node(colliders, place, v, time, dx) -> (v, 1 where a collider is near);
     stop_particle(colliders, place [cells], way [cells], v, time, h, dx) -> (way, v)."""
-    t, T, Colliders = types(real), point_tables(real), colliders(real)
-    ask = queries(kinds or ("sphere",), real)
+    t, T, Colliders = types(real), point_tables(real), collider_type(real)
+    ask = collider_queries(kinds or ("sphere",), real)
 
     @wp.func
     def node_place(g: T.BlockGrid, b: int, c: int):

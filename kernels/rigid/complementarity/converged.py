@@ -15,23 +15,23 @@ from collections.abc import Callable, Sequence
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import surfaces, whole
-from wsim.kernels.rigid.impulse import formulas
-from wsim.kernels.rigid.kinds import Kind, at_once
-from wsim.kernels.rigid.passes import over_bodies, walks
-from wsim.kernels.rigid.soft_step import goals
+from wsim.kernels.rigid.contact import rig_type, surface_law_functions
+from wsim.kernels.rigid.impulse import impulse_formulas
+from wsim.kernels.rigid.kinds import ConstraintKind, at_once_func
+from wsim.kernels.rigid.passes import constraint_walks, over_bodies
+from wsim.kernels.rigid.soft_step import contact_goal_functions
 
 EACH, MOST = wp.constant(4), wp.constant(4000)
 FINE = 1.0e-12             # part of the speed to which the sweeps of an impact go
 
 
-def missed(real):
+def contact_residual_func(real):
     """Function of a contact m: its residual goes into `residual`."""
-    Rig, (goal, fastest), friction_of = whole(real), goals(real), surfaces(real)[0]
-    _, _, begun, _, _, _, slip, rubbed = formulas(real)
+    Rig, (goal, fastest), friction_of = rig_type(real), contact_goal_functions(real), surface_law_functions(real)[0]
+    _, _, begun, _, _, _, slip, rubbed = impulse_formulas(real)
 
     @wp.func
-    def missed(m: int, k: int, h: real, biased: int, rig: Rig):
+    def contact_residual(m: int, k: int, h: real, biased: int, rig: Rig):
         count = rig.c.count[m]
         if count > 0:
             two = begun(m, k, rig)
@@ -53,15 +53,15 @@ def missed(real):
                     most = wp.max(most, real(0.5) * (K[0] + K[2]) * wp.length(more))
             wp.atomic_max(rig.work.residual, 0, most)
 
-    return missed
+    return contact_residual
 
 
-def until(kinds: Sequence[Kind], real, meet: Callable, solve):
+def converged_sweep_func(kinds: Sequence[ConstraintKind], real, meet: Callable, solve):
     """Function of all threads: sweeps until the residual is met."""
-    Rig, look = whole(real), at_once(kinds[-1], missed(real), real)
+    Rig, look = rig_type(real), at_once_func(kinds[-1], contact_residual_func(real), real)
 
     @wp.func
-    def left(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+    def residual_left(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
         """Residual of all contacts, for all threads."""
         meet()
         if i == 0:
@@ -72,28 +72,29 @@ def until(kinds: Sequence[Kind], real, meet: Callable, solve):
         return rig.work.residual[0]
 
     @wp.func
-    def solved(i: int, threads: int, k: int, h: real, biased: int, tolerance: real, rig: Rig):
+    def sweep_until_converged(i: int, threads: int, k: int, h: real, biased: int, tolerance: real, rig: Rig):
         miss = real(0.0)
         for sweep in range(int(MOST)):
             solve(i, threads, k, h, biased, rig)
             if sweep % EACH == EACH - 1:
-                miss = left(i, threads, k, h, biased, rig)
+                miss = residual_left(i, threads, k, h, biased, rig)
                 if miss <= tolerance:
                     break
         meet()
         if i == 0:
             rig.work.residual[1] = wp.max(rig.work.residual[1], miss)
 
-    return solved
+    return sweep_until_converged
 
 
-def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
-    """Kernel as `wsim.kernels.rigid.passes.substeps`, of which steps[2] is not read. tolerance [m/s]; work.residual[1] becomes
-    the largest residual that was left."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, timed=True)
+def converged_step_kernel(kinds: Sequence[ConstraintKind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
+                          bouncing: bool = False):
+    """Kernel as `wsim.kernels.rigid.passes.body_substep_kernel`, of which steps[2] is not read. tolerance [m/s];
+    work.residual[1] becomes the largest residual that was left."""
+    Rig, w = rig_type(real), constraint_walks(kinds, real, meet, bouncing, met=FINE, timed=True)
     begun, placed, ended = over_bodies(real)
     prepare, warm, thrown = w.prepare, w.warm, w.thrown
-    solved = until(kinds, real, meet, w.solve)
+    solved = converged_sweep_func(kinds, real, meet, w.solve)
 
     def rigid_converged(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
         i = wp.tid()

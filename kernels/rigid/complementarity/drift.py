@@ -14,19 +14,19 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import rig_type
 
 SLIPS = wp.constant(1.0e-5)            # of the friction that there is: a point that has all but that slips
 
 
 @cache
-def holding(real):
+def drift_holding_func(real):
     """Function (m, count, mu, rig): points of manifold m that slip, or are new, drift as those that stick move and turn about
     n, or not at all: else points would rub against one another for ever."""
-    t, Rig = types(real), whole(real)
+    t, Rig = types(real), rig_type(real)
 
     @wp.func
-    def sticks(j: int, mu: t.vec2, rig: Rig):
+    def friction_sticks(j: int, mu: t.vec2, rig: Rig):
         """Whether friction has held point j, and has more to give."""
         most = mu[1] * rig.c.push[j]
         return wp.length(rig.c.drift[j]) > real(0.0) and wp.abs(wp.length(rig.c.rub[j]) - most) > real(SLIPS) * most
@@ -39,7 +39,7 @@ def holding(real):
         center = t.vec3()
         mean = t.vec3()
         for i in range(count):
-            if sticks(4 * m + i, mu, rig):
+            if friction_sticks(4 * m + i, mu, rig):
                 held += real(1.0)
                 center += rig.work.r_a[4 * m + i]
                 mean += rig.c.drift[4 * m + i]
@@ -50,7 +50,7 @@ def holding(real):
                 center = center / held
                 mean = mean / held
                 for i in range(count):
-                    if sticks(4 * m + i, mu, rig):
+                    if friction_sticks(4 * m + i, mu, rig):
                         arm = rig.work.r_a[4 * m + i] - center
                         moment += wp.dot(n, wp.cross(arm, rig.c.drift[4 * m + i] - mean))
                         square += wp.dot(arm, arm)
@@ -59,7 +59,7 @@ def holding(real):
                 turn = moment / square
             for i in range(count):
                 j = 4 * m + i
-                if not sticks(j, mu, rig):
+                if not friction_sticks(j, mu, rig):
                     drift = mean + turn * wp.cross(n, rig.work.r_a[j] - center)
                     rig.c.core_b[j] = rig.c.core_b[j] + wp.transpose(R) * (rig.c.drift[j] - drift)
                     rig.c.drift[j] = drift

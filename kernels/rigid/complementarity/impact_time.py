@@ -13,31 +13,31 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import exponential, multiply
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.motion import double, double3, near
+from wsim.kernels.math.rotation import multiply_rotations, rotation_exponential
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.motion import double_quat, double_vec3, rounded_quaternion
 
 
 @cache
-def behind(real):
+def impact_time_shift_func(real):
     """Function of a contact m: its bodies are moved to where they would have come from."""
-    t, Rig = types(real), whole(real)
+    t, Rig = types(real), rig_type(real)
 
     @wp.func
-    def moved(f: int, dv: t.vec3, turn: t.vec3, rig: Rig):
+    def move_body_back(f: int, dv: t.vec3, turn: t.vec3, rig: Rig):
         """A body by -dv [m] and -turn [rad]."""
         if f < rig.b.w.shape[0]:
             step = rig.now.e[f] - dv
             x = rig.now.x[f] + step
             rig.now.e[f] = step - (x - rig.now.x[f])
             rig.now.x[f] = x
-            r = exponential(-double3(turn))
-            q = multiply(wp.quatd(r[0], r[1], r[2], r[3]), double(rig.now.q[f], rig.now.o[f]))
-            rig.now.q[f] = near(q, rig.now.q[f])
-            rig.now.o[f] = near(q - double(rig.now.q[f], wp.quatd()), rig.now.q[f])
+            r = rotation_exponential(-double_vec3(turn))
+            q = multiply_rotations(wp.quatd(r[0], r[1], r[2], r[3]), double_quat(rig.now.q[f], rig.now.o[f]))
+            rig.now.q[f] = rounded_quaternion(q, rig.now.q[f])
+            rig.now.o[f] = rounded_quaternion(q - double_quat(rig.now.q[f], wp.quatd()), rig.now.q[f])
 
     @wp.func
-    def behind(m: int, k: int, h: real, biased: int, rig: Rig):
+    def shift_to_impact_time(m: int, k: int, h: real, biased: int, rig: Rig):
         n = rig.c.n[m]
         P = t.vec3()
         T_a = t.vec3()
@@ -52,8 +52,8 @@ def behind(real):
         f = rig.s.frame[rig.c.a[m]]
         g = rig.s.frame[rig.c.b[m]]
         if f < rig.b.w.shape[0]:
-            moved(f, rig.b.w[f] * P, rig.work.spread[f] * T_a, rig)
+            move_body_back(f, rig.b.w[f] * P, rig.work.spread[f] * T_a, rig)
         if g < rig.b.w.shape[0]:
-            moved(g, -rig.b.w[g] * P, -(rig.work.spread[g] * T_b), rig)
+            move_body_back(g, -rig.b.w[g] * P, -(rig.work.spread[g] * T_b), rig)
 
-    return behind
+    return shift_to_impact_time

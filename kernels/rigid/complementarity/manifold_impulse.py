@@ -19,12 +19,12 @@ PIVOTS, SWEEPS = wp.constant(5), wp.constant(10)
 
 
 @cache
-def impulses(real):
+def manifold_impulse_func(real):
     """Function: P - P_0 (vec4) of rows that act; others have 0."""
     t = types(real)
 
     @wp.func(inline=False)
-    def solved(M: t.mat44, r: t.vec4):
+    def solve_four_by_four(M: t.mat44, r: t.vec4):
         """x with M x = r, by L D L^T."""
         one = real(1.0)
         q0 = one / M[0, 0]
@@ -74,10 +74,10 @@ def impulses(real):
         for i in range(4):
             if held[i] == 1:
                 s[i] = -before[i]
-        return solved(N, s)
+        return solve_four_by_four(N, s)
 
     @wp.func(inline=False)
-    def pivoted(M: t.mat44, r: t.vec4, before: t.vec4, guess: wp.vec4i):
+    def solve_manifold_pivots(M: t.mat44, r: t.vec4, before: t.vec4, guess: wp.vec4i):
         held = guess
         x = t.vec4()
         right = bool(False)
@@ -98,7 +98,7 @@ def impulses(real):
         return x
 
     @wp.func(inline=False)
-    def impulses(A: t.mat44, before: t.vec4, wanted: t.vec4, soft: t.vec4, near: t.vec4, acts: wp.vec4i):
+    def manifold_impulse_change(A: t.mat44, before: t.vec4, wanted: t.vec4, soft: t.vec4, near: t.vec4, acts: wp.vec4i):
         M = A
         r = wanted
         held = wp.vec4i()
@@ -114,6 +114,6 @@ def impulses(real):
                 M[i, i] = A[i, i] * (real(1.0) + soft[i] + near[i])
                 if before[i] <= real(0.0) and wanted[i] <= real(0.0):
                     held[i] = 1
-        return pivoted(M, r, before, held)
+        return solve_manifold_pivots(M, r, before, held)
 
-    return impulses
+    return manifold_impulse_change

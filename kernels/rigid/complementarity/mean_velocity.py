@@ -22,18 +22,18 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import rims, whole
-from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.contact import rig_type, rim_axis_functions
+from wsim.kernels.rigid.impulse import impulse_formulas
 
 TURNS = wp.constant(1.0e-4)            # [rad] in a substep; below it, and above 1 rad, points are taken to go straight
 
 
 @cache
-def bending(real):
+def mean_velocity_funcs(real):
     """Functions (bends, bend). bends: True if the bodies turn enough in a substep. bend: mean velocity of point j of manifold m
     over the substep, minus the velocity at its start [m/s], see the head of the file."""
-    t, Rig, (axis, across) = types(real), whole(real), rims(real)
-    Two = formulas(real)[0]
+    t, Rig, (axis, across) = types(real), rig_type(real), rim_axis_functions(real)
+    Two = impulse_formulas(real)[0]
 
     @wp.func
     def of_turn(o: t.vec3, arm: t.vec3, h: real):
@@ -41,7 +41,7 @@ def bending(real):
         return (real(0.5) * h) * inward + (h * h / real(6.0)) * wp.cross(o, inward)
 
     @wp.func
-    def of_rim(shape: int, o: t.vec3, R: t.mat33, n: t.vec3, h: real, rig: Rig):
+    def rim_velocity_change(shape: int, o: t.vec3, R: t.mat33, n: t.vec3, h: real, rig: Rig):
         """omega x (e' - e), e' in the middle of the substep; 0 where the shape tips to the other side of its rim."""
         z = axis(shape, R, rig)
         e = across(z, n)
@@ -60,12 +60,12 @@ def bending(real):
         return more
 
     @wp.func
-    def bends(two: Two, h: real):
+    def bodies_turn_enough(two: Two, h: real):
         square = h * h * wp.max(wp.dot(two.o_a, two.o_a), wp.dot(two.o_b, two.o_b))
         return square > real(TURNS) * real(TURNS) and square < real(1.0)
 
     @wp.func(inline=False)
-    def bend(two: Two, m: int, j: int, h: real, rig: Rig):
+    def mean_velocity_change(two: Two, m: int, j: int, h: real, rig: Rig):
         n = rig.c.n[m]
         R_a = rig.work.turn[two.f]
         R_b = rig.work.turn[two.g]
@@ -73,9 +73,9 @@ def bending(real):
         u += of_spin(two.f, two.o_a, two.S_a, two.T_a, rig.work.r_a[j], h, rig)
         u -= of_spin(two.g, two.o_b, two.S_b, two.T_b, rig.work.r_b[j], h, rig)
         if rig.c.rim[j][0] > real(0.0):
-            u -= rig.c.rim[j][0] * of_rim(rig.c.a[m], two.o_a, R_a, n, h, rig)
+            u -= rig.c.rim[j][0] * rim_velocity_change(rig.c.a[m], two.o_a, R_a, n, h, rig)
         if rig.c.rim[j][1] > real(0.0):
-            u -= rig.c.rim[j][1] * of_rim(rig.c.b[m], two.o_b, R_b, n, h, rig)
+            u -= rig.c.rim[j][1] * rim_velocity_change(rig.c.b[m], two.o_b, R_b, n, h, rig)
         return u
 
-    return bends, bend
+    return bodies_turn_enough, mean_velocity_change

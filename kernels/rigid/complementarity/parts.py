@@ -8,19 +8,19 @@ from collections.abc import Callable, Sequence
 
 import warp as wp
 
-from wsim.kernels.rigid.complementarity.converged import FINE, until
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.kinds import Kind
-from wsim.kernels.rigid.passes import over_bodies, walks
+from wsim.kernels.rigid.complementarity.converged import FINE, converged_sweep_func
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.kinds import ConstraintKind
+from wsim.kernels.rigid.passes import constraint_walks, over_bodies
 
 
-def converged_parts(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
+def converged_parts(kinds: Sequence[ConstraintKind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                     bouncing: bool = False) -> list:
     """Kernels placed, thrown, held, loosed of substep steps[0], of h [s]; others as `converged`. thrown: a round of impacts."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, timed=True, rounds=1)
+    Rig, w = rig_type(real), constraint_walks(kinds, real, meet, bouncing, met=FINE, timed=True, rounds=1)
     begun, placed, ended = over_bodies(real)
     prepare, warm, thrown = w.prepare, w.warm, w.thrown
-    solved = until(kinds, real, meet, w.solve)
+    solved = converged_sweep_func(kinds, real, meet, w.solve)
 
     def rigid_met_placed(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
         i = wp.tid()

@@ -11,7 +11,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import manifolds, whole
+from wsim.kernels.rigid.contact import manifold_count_func, rig_type
 from wsim.kernels.rigid.kinds import SERIAL
 
 ROUNDS = wp.constant(128)
@@ -20,7 +20,7 @@ ALL = wp.constant(wp.int64(2**60 - 1))           # SERIAL colours, a bit each
 
 
 @wp.func
-def rank(m: int):
+def scrambled_rank(m: int):
     """A bijection of 31 bits: multiplications by odd numbers and shifts can be undone."""
     x = wp.uint32(m) * wp.uint32(40503)
     x = x & wp.uint32(2147483647)
@@ -30,12 +30,12 @@ def rank(m: int):
 
 
 @cache
-def granting(real):
+def colour_grant_functions(real):
     """(known, keep, ask, take): functions of a manifold m."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def known(m: int, rig: Rig):
+    def colours_of_bodies(m: int, rig: Rig):
         """Colours that the bodies of m have."""
         n = rig.b.w.shape[0]
         f = rig.s.frame[rig.c.a[m]]
@@ -48,7 +48,7 @@ def granting(real):
         return bits
 
     @wp.func
-    def mark(m: int, colour: int, rig: Rig):
+    def mark_manifold_colour(m: int, colour: int, rig: Rig):
         n = rig.b.w.shape[0]
         f = rig.s.frame[rig.c.a[m]]
         g = rig.s.frame[rig.c.b[m]]
@@ -60,59 +60,59 @@ def granting(real):
         rig.c.colour[m] = colour
 
     @wp.func
-    def keep(m: int, rig: Rig):
+    def keep_manifold_colour(m: int, rig: Rig):
         colour = rig.c.colour[m]
         if rig.c.count[m] <= 0 or colour >= SERIAL:
             rig.c.colour[m] = -1
         elif colour >= 0:
-            mark(m, colour, rig)
+            mark_manifold_colour(m, colour, rig)
 
     @wp.func
-    def ask(m: int, rig: Rig):
+    def ask_manifold_colour(m: int, rig: Rig):
         """Whether m asks for a colour."""
         asks = rig.c.count[m] > 0 and rig.c.colour[m] < 0
         if asks:
             n = rig.b.w.shape[0]
             f = rig.s.frame[rig.c.a[m]]
             g = rig.s.frame[rig.c.b[m]]
-            if known(m, rig) == ALL:
+            if colours_of_bodies(m, rig) == ALL:
                 rig.c.colour[m] = SERIAL
                 asks = False
             else:
                 if f < n:
-                    wp.atomic_min(rig.work.first, f, rank(m))
+                    wp.atomic_min(rig.work.first, f, scrambled_rank(m))
                 if g < n:
-                    wp.atomic_min(rig.work.first, g, rank(m))
+                    wp.atomic_min(rig.work.first, g, scrambled_rank(m))
         return asks
 
     @wp.func
-    def take(m: int, rig: Rig):
+    def assign_manifold_colour(m: int, rig: Rig):
         if rig.c.count[m] > 0 and rig.c.colour[m] < 0:
             n = rig.b.w.shape[0]
             f = rig.s.frame[rig.c.a[m]]
             g = rig.s.frame[rig.c.b[m]]
             granted = bool(True)
             if f < n:
-                granted = rig.work.first[f] == rank(m)
+                granted = rig.work.first[f] == scrambled_rank(m)
             if g < n:
-                granted = granted and rig.work.first[g] == rank(m)
+                granted = granted and rig.work.first[g] == scrambled_rank(m)
             if granted:
-                bits = known(m, rig)
+                bits = colours_of_bodies(m, rig)
                 colour = int(0)
                 while ((bits >> wp.int64(colour)) & wp.int64(1)) == wp.int64(1):
                     colour += 1
-                mark(m, colour, rig)
+                mark_manifold_colour(m, colour, rig)
 
-    return keep, ask, take
+    return keep_manifold_colour, ask_manifold_colour, assign_manifold_colour
 
 
-def sorting(meet, real):
+def colour_sort_func(meet, real):
     """Function: manifolds by their colours in `order`, those of a colour from `starts` of it on. Serial ones stand as listed;
     the others in any order, on which nothing depends."""
-    Rig, manifolds_of = whole(real), manifolds(real)
+    Rig, manifolds_of = rig_type(real), manifold_count_func(real)
 
     @wp.func
-    def sums(count: int, rig: Rig, serial: wp.array(dtype=int)):
+    def colour_prefix_sums(count: int, rig: Rig, serial: wp.array(dtype=int)):
         """Starts from the numbers of each colour, which stand one place behind; `first` as places to write to."""
         most = int(0)
         for colour in range(SERIAL + 1):
@@ -131,7 +131,7 @@ def sorting(meet, real):
                     slot += 1
 
     @wp.func
-    def sort(i: int, threads: int, rig: Rig, serial: wp.array(dtype=int)):
+    def sort_by_colour(i: int, threads: int, rig: Rig, serial: wp.array(dtype=int)):
         count = manifolds_of(rig)
         for e in range(i, SERIAL + 2, threads):
             rig.work.starts[e] = 0
@@ -141,31 +141,31 @@ def sorting(meet, real):
                 wp.atomic_add(rig.work.starts, rig.c.colour[m] + 1, 1)
         meet()
         if i == 0:
-            sums(count, rig, serial)
+            colour_prefix_sums(count, rig, serial)
         meet()
         for m in range(i, count, threads):
             colour = rig.c.colour[m]
             if colour >= 0 and colour < SERIAL:
                 rig.work.order[wp.atomic_add(rig.work.place, colour, 1)] = m
 
-    return sort
+    return sort_by_colour
 
 
-def colours(real, module, meet, threads: int = 0, cluster: int = 0):
+def contact_colour_kernel(real, module, meet, threads: int = 0, cluster: int = 0):
     """Kernel of the colours of all manifolds, by so many threads that `meet`; serial: how many found none, if any.
 
     threads, cluster: of a block, and blocks of a cluster, on CUDA."""
-    Rig, manifolds_of = whole(real), manifolds(real)
-    keep, ask, take = granting(real)
-    sort = sorting(meet, real)
+    Rig, manifolds_of = rig_type(real), manifold_count_func(real)
+    keep, ask, take = colour_grant_functions(real)
+    sort = colour_sort_func(meet, real)
 
     @wp.func
-    def free(i: int, threads: int, rig: Rig):
+    def free_body_ranks(i: int, threads: int, rig: Rig):
         for f in range(i, rig.b.w.shape[0], threads):
             rig.work.first[f] = FREE
 
     @wp.func
-    def changed(i: int, threads: int, count: int, rig: Rig):
+    def list_has_changed(i: int, threads: int, count: int, rig: Rig):
         """Whether the list, or a manifold, was made in this substep."""
         if i == 0 and rig.work.strayed[0] == 1:
             rig.work.flags[0] = 1
@@ -180,7 +180,7 @@ def colours(real, module, meet, threads: int = 0, cluster: int = 0):
     def rigid_colours(threads: int, rig: Rig, serial: wp.array(dtype=int)):
         i = wp.tid()
         count = manifolds_of(rig)
-        if not changed(i, threads, count, rig):
+        if not list_has_changed(i, threads, count, rig):
             return
         for f in range(i, rig.b.w.shape[0], threads):
             rig.work.taken[f] = wp.int64(0)
@@ -190,7 +190,7 @@ def colours(real, module, meet, threads: int = 0, cluster: int = 0):
         for m in range(i, count, threads):
             keep(m, rig)
         for r in range(int(ROUNDS)):
-            free(i, threads, rig)
+            free_body_ranks(i, threads, rig)
             meet()
             for m in range(i, count, threads):
                 if ask(m, rig):

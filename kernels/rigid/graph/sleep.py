@@ -14,18 +14,18 @@ Passes of joints leave out islands of joints that sleep (kernels/rigid/joint/pas
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import manifolds, whole
+from wsim.kernels.rigid.contact import manifold_count_func, rig_type
 
 CALM = wp.constant(0.5)                # [s]
 ROUNDS = wp.constant(64)               # of joining labels: the number of bodies in a row doubles in each
 
 
-def edges(real):
+def island_edge_functions(real):
     """(joined, bonded): functions, whether manifold m joins two labels, and joint j of so many bodies `bond`, -1 for none."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def united(f: int, g: int, rig: Rig):
+    def unite_island_labels(f: int, g: int, rig: Rig):
         """Whether bodies f and g had two labels, of which the greater becomes the lesser."""
         a = rig.work.label[f]
         b = rig.work.label[g]
@@ -34,33 +34,33 @@ def edges(real):
         return a != b
 
     @wp.func
-    def joined(m: int, rig: Rig):
+    def manifold_joins_islands(m: int, rig: Rig):
         n = rig.b.w.shape[0]
         joins = bool(False)
         if rig.c.count[m] > 0:
             f = rig.s.frame[rig.c.a[m]]
             g = rig.s.frame[rig.c.b[m]]
             if f < n and g < n:
-                joins = united(f, g, rig)
+                joins = unite_island_labels(f, g, rig)
         return joins
 
     @wp.func
-    def bonded(j: int, bond: wp.array(dtype=wp.vec2i), rig: Rig):
+    def joint_joins_islands(j: int, bond: wp.array(dtype=wp.vec2i), rig: Rig):
         joins = bool(False)
         pair = bond[j]
         if pair[0] >= 0 and pair[1] >= 0:
-            joins = united(pair[0], pair[1], rig)
+            joins = unite_island_labels(pair[0], pair[1], rig)
         return joins
 
-    return joined, bonded
+    return manifold_joins_islands, joint_joins_islands
 
 
-def islands(real, meet):
+def island_label_func(real, meet):
     """Function: `label` of every body, the first of its island; bond: bodies of joints (joints,), -1 for none."""
-    Rig, manifolds_of, (joined, bonded) = whole(real), manifolds(real), edges(real)
+    Rig, manifolds_of, (joined, bonded) = rig_type(real), manifold_count_func(real), island_edge_functions(real)
 
     @wp.func
-    def islands(i: int, threads: int, bond: wp.array(dtype=wp.vec2i), rig: Rig):
+    def label_body_islands(i: int, threads: int, bond: wp.array(dtype=wp.vec2i), rig: Rig):
         for f in range(i, rig.b.w.shape[0], threads):
             rig.work.label[f] = f
         if i == 0:
@@ -89,15 +89,15 @@ def islands(real, meet):
             rig.work.flags[0] = 0
             rig.work.flags[1] = 0
 
-    return islands
+    return label_body_islands
 
 
-def functions(real):
+def sleep_functions(real):
     """(calmed, roused, settled, idle): functions of a body f, a manifold m, a body f, a manifold m."""
-    t, Rig = types(real), whole(real)
+    t, Rig = types(real), rig_type(real)
 
     @wp.func
-    def calmed(f: int, time: real, speed: real, rig: Rig):
+    def count_calm_time(f: int, time: real, speed: real, rig: Rig):
         """Counts the seconds for which a body has been slow."""
         v = rig.b.w[f] * rig.now.p[f]
         L = wp.quat_rotate_inv(rig.now.q[f], rig.now.L[f])
@@ -109,7 +109,7 @@ def functions(real):
         rig.work.roused[f] = 0
 
     @wp.func
-    def roused(m: int, k: int, rig: Rig):
+    def rouse_by_collider(m: int, k: int, rig: Rig):
         """Whether a collider that moves touches a body, whose island wakes."""
         n = rig.b.w.shape[0]
         f = rig.s.frame[rig.c.a[m]]
@@ -121,7 +121,7 @@ def functions(real):
                 rig.work.roused[rig.work.label[body]] = 1
 
     @wp.func
-    def settled(f: int, rig: Rig):
+    def settle_sleeping_body(f: int, rig: Rig):
         asleep = int(0)
         if rig.work.roused[rig.work.label[f]] == 0:
             asleep = 1
@@ -132,7 +132,7 @@ def functions(real):
         rig.work.asleep[f] = asleep
 
     @wp.func
-    def idle(m: int, rig: Rig):
+    def idle_sleeping_manifold(m: int, rig: Rig):
         n = rig.b.w.shape[0]
         f = rig.s.frame[rig.c.a[m]]
         g = rig.s.frame[rig.c.b[m]]
@@ -142,15 +142,15 @@ def functions(real):
                     rig.work.now[4 * m + i] = rig.c.gap[4 * m + i]
                 rig.c.count[m] = -rig.c.count[m]
 
-    return calmed, roused, settled, idle
+    return count_calm_time, rouse_by_collider, settle_sleeping_body, idle_sleeping_manifold
 
 
-def sleep(real, module, meet, threads: int = 0, cluster: int = 0):
+def body_sleep_kernel(real, module, meet, threads: int = 0, cluster: int = 0):
     """Kernel, behind the making of manifolds for `time` [s] from substep k on: who sleeps until the next. Slow is what is no
     faster than `speed` [m/s]. bond, stir: of joints (joints,), two bodies, -1 for none, and 1 where its island may not sleep.
-    threads, cluster: as `wsim.kernels.rigid.passes.substeps`."""
-    Rig, manifolds_of, label = whole(real), manifolds(real), islands(real, meet)
-    calmed, roused, settled, idle = functions(real)
+    threads, cluster: as `wsim.kernels.rigid.passes.body_substep_kernel`."""
+    Rig, manifolds_of, label = rig_type(real), manifold_count_func(real), island_label_func(real, meet)
+    calmed, roused, settled, idle = sleep_functions(real)
 
     def rigid_sleep(threads: int, k: int, time: real, speed: real, rig: Rig, bond: wp.array(dtype=wp.vec2i),
                     stir: wp.array(dtype=int)):
@@ -182,9 +182,9 @@ def sleep(real, module, meet, threads: int = 0, cluster: int = 0):
                      **({"launch_bounds": threads} if threads else {}), **({"cluster_dim": cluster} if cluster else {}))
 
 
-def counted(real, module):
+def restored_count_kernel(real, module):
     """Kernel over manifolds, behind the substeps: all have their number of points again."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     def rigid_counted(rig: Rig):
         m = wp.tid()

@@ -19,7 +19,7 @@ A micro Lie theory, equation 145.)
 
 import warp as wp
 
-from wsim.kernels.math.rotation import conjugate, logarithm, matrix, multiply
+from wsim.kernels.math.rotation import conjugate_rotation, multiply_rotations, rotation_logarithm, rotation_to_matrix
 
 GENERAL, DISTANCE, CONE = wp.constant(0), wp.constant(1), wp.constant(2)
 FARTHEST = wp.constant(wp.float64(3.1))      # [rad] of a swing for its rows: at half a turn they have no end
@@ -27,7 +27,7 @@ PI = wp.constant(wp.float64(3.141592653589793))
 
 
 @wp.struct
-class Ends:
+class JointFrames:
     """Frames of a joint on both sides, places from one origin."""
     p_a: wp.vec3d
     p_b: wp.vec3d
@@ -38,7 +38,7 @@ class Ends:
 
 
 @wp.struct
-class Place:
+class JointCoordinates:
     """Coordinates (shift, turned = (phi, s_y, s_z)) and their rows in the world: rates = axis u, turn omega."""
     shift: wp.vec3d
     turned: wp.vec3d
@@ -47,7 +47,7 @@ class Place:
 
 
 @wp.func
-def swing_twist(q: wp.quatd):
+def swing_twist_angles(q: wp.quatd):
     """(phi, s_y, s_z) and the quaternion of the swing."""
     x = q[0]
     w = q[3]
@@ -60,18 +60,18 @@ def swing_twist(q: wp.quatd):
     if size > wp.float64(1.0e-12):
         phi = wp.float64(2.0) * wp.atan2(x, w)
         twist = wp.quatd(x / size, wp.float64(0.0), wp.float64(0.0), w / size)
-    swing = multiply(q, conjugate(twist))
-    s = logarithm(swing)
+    swing = multiply_rotations(q, conjugate_rotation(twist))
+    s = rotation_logarithm(swing)
     return wp.vec3d(phi, s[1], s[2]), swing
 
 
 @wp.func(inline=False)
-def rates(s: wp.vec3d, swing: wp.quatd):
+def swing_twist_rate_matrix(s: wp.vec3d, swing: wp.quatd):
     """M^-1 of a swing (0, s_y, s_z)."""
     one = wp.float64(1.0)
     v = wp.vec3d(wp.float64(0.0), s[1], s[2])
     t = wp.length(v)
-    x = matrix(swing) * wp.vec3d(one, wp.float64(0.0), wp.float64(0.0))
+    x = rotation_to_matrix(swing) * wp.vec3d(one, wp.float64(0.0), wp.float64(0.0))
     if t > FARTHEST:
         v = v * (FARTHEST / t)
         t = FARTHEST
@@ -91,7 +91,7 @@ def rates(s: wp.vec3d, swing: wp.quatd):
 
 
 @wp.func
-def along(to: wp.vec3d, A: wp.mat33d):
+def distance_direction(to: wp.vec3d, A: wp.mat33d):
     """Direction of a distance; where it is 0, the x axis of a."""
     size = wp.length(to)
     n = wp.vec3d(A[0, 0], A[1, 0], A[2, 0])
@@ -101,21 +101,21 @@ def along(to: wp.vec3d, A: wp.mat33d):
 
 
 @wp.func(inline=False)
-def place_of(e: Ends, form: int, cone: wp.vec2d):
-    """The `Place` of both frames; cone: 1 / c_y, 1 / c_z."""
+def joint_coordinates(e: JointFrames, form: int, cone: wp.vec2d):
+    """The `JointCoordinates` of both frames; cone: 1 / c_y, 1 / c_z."""
     zero = wp.float64(0.0)
-    found = Place()
-    A = matrix(e.Q_a)
+    found = JointCoordinates()
+    A = rotation_to_matrix(e.Q_a)
     to = e.p_b - e.p_a
     found.axis = wp.transpose(A)
     found.shift = found.axis * to
     if form == DISTANCE:
-        n = along(to, A)
+        n = distance_direction(to, A)
         found.shift = wp.vec3d(wp.length(to), zero, zero)
         found.axis = wp.matrix_from_rows(n, wp.vec3d(), wp.vec3d())
-    s, swing = swing_twist(multiply(conjugate(e.Q_a), e.Q_b))
+    s, swing = swing_twist_angles(multiply_rotations(conjugate_rotation(e.Q_a), e.Q_b))
     found.turned = s
-    found.turn = rates(s, swing) * wp.transpose(A)
+    found.turn = swing_twist_rate_matrix(s, swing) * wp.transpose(A)
     if form == CONE:
         y = s[1] * cone[0]
         z = s[2] * cone[1]
@@ -130,7 +130,7 @@ def place_of(e: Ends, form: int, cone: wp.vec2d):
 
 
 @wp.func
-def unwound(phi: wp.float64, quarters: int):
+def unwind_twist_angle(phi: wp.float64, quarters: int):
     """phi and as many whole turns as bring it next to so many quarter turns."""
     near = wp.float64(quarters) * wp.float64(0.5) * PI
     return phi + wp.float64(2.0) * PI * wp.round((near - phi) / (wp.float64(2.0) * PI))

@@ -31,7 +31,7 @@ places, per that there.
 import warp as wp
 
 from wsim.kernels.rigid.joint.elimination import Linked, mat66d
-from wsim.kernels.rigid.joint.rows import both
+from wsim.kernels.rigid.joint.rows import own_joint_block
 from wsim.kernels.rigid.joint.tables import ACCELERATION, LOCKED, NONE
 
 TERMS = wp.constant(18)                       # of the series, for arguments up to HALF: 1e-16 is left out
@@ -40,7 +40,7 @@ LEAST = wp.constant(wp.float64(1.0e-30))      # [kg] or [kg m^2] of a drive with
 
 
 @wp.struct
-class Law:
+class DriveCoefficients:
     """Coefficients a, b, a', b', d of a drive [kg], [kg m^2]."""
     a: wp.float64
     b: wp.float64
@@ -50,7 +50,7 @@ class Law:
 
 
 @wp.func(inline=False)
-def oscillator_flow(q: wp.float64, z: wp.float64):
+def oscillator_flow_parts(q: wp.float64, z: wp.float64):
     """(1 - 2 Phi / h^2, 1 - Psi / h, chi) of q = h^2 k / m, z = h c / m."""
     one = wp.float64(1.0)
     two = wp.float64(2.0)
@@ -89,10 +89,10 @@ def oscillator_flow(q: wp.float64, z: wp.float64):
 
 
 @wp.func(inline=False)
-def drive_law(K: wp.float64, C: wp.float64, m: wp.float64):
+def drive_coefficients(K: wp.float64, C: wp.float64, m: wp.float64):
     """The law of K = k h^2, C = c h and an effective mass m [kg], [kg m^2]; m < 0: it is not known."""
     one = wp.float64(1.0)
-    found = Law()
+    found = DriveCoefficients()
     found.a = (one + wp.float64(2.0) * K / wp.max(K + C, LEAST)) * K / wp.float64(6.0) + C / wp.float64(3.0)
     found.b = -C / wp.float64(6.0)
     found.a_last = wp.float64(0.5) * K + wp.float64(0.25) * C
@@ -102,7 +102,7 @@ def drive_law(K: wp.float64, C: wp.float64, m: wp.float64):
         q = K / m
         part = wp.clamp(wp.float64(2.0) - wp.sqrt(q), wp.float64(0.0), one)
         if part > wp.float64(0.0):
-            phi, psi, chi = oscillator_flow(q, C / m)
+            phi, psi, chi = oscillator_flow_parts(q, C / m)
             found.a += part * (m * phi / (one - phi) - found.a)
             found.b += part * (m * (phi - psi) / (one - phi) - found.b)
             found.a_last += part * (m * psi / (one - psi) - found.a_last)
@@ -112,7 +112,7 @@ def drive_law(K: wp.float64, C: wp.float64, m: wp.float64):
 
 
 @wp.func(inline=False)
-def effective(j: int, given: mat66d, J: Linked):
+def locked_schur_complement(j: int, given: mat66d, J: Linked):
     """Schur complement of the locked rows: its diagonal is what each other row moves with them."""
     six = int(6)
     A = given
@@ -156,7 +156,7 @@ def asked_most(j: int, J: Linked):
 
 
 @wp.func
-def mass_of(A: mat66d, r: int):
+def row_effective_mass(A: mat66d, r: int):
     return wp.float64(1.0) / wp.max(A[r, r], wp.float64(1.0e-300))
 
 
@@ -182,15 +182,15 @@ def prepare_drives(j: int, s: int, h: wp.float64, J: Linked):
     if kind > NONE:
         A = mat66d()
         if kind == ACCELERATION or J.t.alone[j] == 1:
-            A = effective(j, both(j, J), J)
+            A = locked_schur_complement(j, own_joint_block(j, J), J)
         u, omega = start_rate(j, s, J)
         u = J.axis[j] * u
         omega = J.turn[j] * omega
         for r in range(three):
             if J.t.drive[j, r] > NONE:
-                prepare_row(j, r, s, h, u[r], mass_of(A, r), free_mass(j, A, r, J), J)
+                prepare_row(j, r, s, h, u[r], row_effective_mass(A, r), free_mass(j, A, r, J), J)
             if J.t.drive[j, 3 + r] > NONE:
-                prepare_row(j, 3 + r, s, h, omega[r], mass_of(A, 3 + r), free_mass(j, A, 3 + r, J), J)
+                prepare_row(j, 3 + r, s, h, omega[r], row_effective_mass(A, 3 + r), free_mass(j, A, 3 + r, J), J)
 
 
 @wp.func(inline=False)
@@ -198,11 +198,11 @@ def renew_masses(j: int, J: Linked):
     """Gives what is left of the impulses of drives of accelerations the effective mass behind the places."""
     six = int(6)
     if asked_most(j, J) == ACCELERATION:
-        A = effective(j, both(j, J), J)
+        A = locked_schur_complement(j, own_joint_block(j, J), J)
         for r in range(six):
             if J.t.drive[j, r] == ACCELERATION:
                 law = J.late[j, r]
-                more = mass_of(A, r) / law[3]
+                more = row_effective_mass(A, r) / law[3]
                 left = more * law[1] + (wp.float64(1.0) - more) * J.push[j, r]
                 J.late[j, r] = wp.vec4d(law[0] / more, left, more * law[2], law[3])
 
@@ -215,7 +215,7 @@ def prepare_row(j: int, r: int, s: int, h: wp.float64, rate: wp.float64, m: wp.f
     if J.t.drive[j, r] == ACCELERATION:
         k = m * k
         c = m * c
-    law = drive_law(h * h * k, h * c, free)
+    law = drive_coefficients(h * h * k, h * c, free)
     before = J.t.target[j, r]
     target = before
     speed = J.t.speed[j, r]
@@ -263,7 +263,7 @@ def ask_drive_last(j: int, r: int, h: wp.float64, rate: wp.float64, J: Linked):
 
 
 @wp.func(inline=False)
-def driven(j: int, h: wp.float64, J: Linked):
+def speed_drive_work(j: int, h: wp.float64, J: Linked):
     """Work [J] of drives that ask for a speed, in a substep: what is not the spring's, times that speed."""
     work = wp.float64(0.0)
     six = int(6)

@@ -21,16 +21,16 @@ close it. A tree of joints is never singular, and has nothing added.
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.tables import DRIVEN, HELD, HIGHEST, structs
+from wsim.kernels.rigid.joint.tables import DRIVEN, HELD, HIGHEST, joint_table_structs
 
 EASE = wp.constant(wp.float64(1.0e-7))       # smaller: loops that do not quite close strain themselves more
 TINY = wp.constant(wp.float64(1.0e-300))
 mat66d = wp.types.matrix((6, 6), wp.float64)
-Linked = structs()[1]
+Linked = joint_table_structs()[1]
 
 
 @wp.func
-def product(i: int, k: int, r_i: wp.vec3d, r_k: wp.vec3d, w: wp.float64, S: wp.mat33d, J: Linked):
+def block_product(i: int, k: int, r_i: wp.vec3d, r_k: wp.vec3d, w: wp.float64, S: wp.mat33d, J: Linked):
     """J_i M^-1 J_k^T of one body, without signs."""
     X = wp.skew(r_i)
     SY = S * wp.skew(r_k)
@@ -53,7 +53,7 @@ def product(i: int, k: int, r_i: wp.vec3d, r_k: wp.vec3d, w: wp.float64, S: wp.m
 
 
 @wp.func(inline=False)
-def factor(first: int, last: int, J: Linked):
+def factor_joint_blocks(first: int, last: int, J: Linked):
     """Cholesky factors of the blocks of joints first .. last, in place."""
     six = int(6)
     n = J.t.a.shape[0]
@@ -92,7 +92,7 @@ def factor(first: int, last: int, J: Linked):
 
 
 @wp.func(inline=False)
-def solved(first: int, last: int, J: Linked):
+def solve_joint_system(first: int, last: int, J: Linked):
     """rhs <- A^-1 rhs."""
     six = int(6)
     n = J.t.a.shape[0]
@@ -131,7 +131,7 @@ def solved(first: int, last: int, J: Linked):
 
 
 @wp.func
-def equation(i: int, r: int, J: Linked):
+def row_has_equation(i: int, r: int, J: Linked):
     """True if row r of joint i has an unknown; others add what is known."""
     return J.active[i, r] >= HELD and J.active[i, r] <= HIGHEST
 
@@ -143,11 +143,11 @@ def put_diagonal(i: int, A: mat66d, J: Linked):
     for r in range(six):
         for c in range(six):
             v = A[r, c]
-            if not (equation(i, r, J) and equation(i, c, J)):
+            if not (row_has_equation(i, r, J) and row_has_equation(i, c, J)):
                 v = wp.float64(0.0)
             if r == c:
                 J.ease[i, r] = EASE * A[r, r] + J.turned[i, r] + TINY
-                if not equation(i, r, J):
+                if not row_has_equation(i, r, J):
                     v = wp.float64(1.0)
                 elif J.active[i, r] == DRIVEN:
                     v += J.soft[i, r]
@@ -163,6 +163,6 @@ def put_below(block: int, k: int, i: int, A: mat66d, J: Linked):
     for r in range(six):
         for c in range(six):
             v = A[r, c]
-            if not (equation(k, r, J) and equation(i, c, J)):
+            if not (row_has_equation(k, r, J) and row_has_equation(i, c, J)):
                 v = wp.float64(0.0)
             J.block[36 * block + 6 * r + c] = v

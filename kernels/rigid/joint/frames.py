@@ -2,15 +2,15 @@
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.coordinates import PI, Ends, Place, place_of, unwound
-from wsim.kernels.rigid.joint.elimination import Linked, factor, mat66d, product, put_below, put_diagonal
-from wsim.kernels.rigid.joint.rows import both
+from wsim.kernels.rigid.joint.coordinates import PI, JointCoordinates, JointFrames, joint_coordinates, unwind_twist_angle
+from wsim.kernels.rigid.joint.elimination import Linked, block_product, factor_joint_blocks, mat66d, put_below, put_diagonal
+from wsim.kernels.rigid.joint.rows import own_joint_block
 
 
 @wp.func(inline=False)
 def ends_of(j: int, k: int, J: Linked):
     """Frames of a joint with bodies as they are in J; of anchors those of row k."""
-    ends = Ends()
+    ends = JointFrames()
     row = k * J.t.moving
     a = J.t.a[j]
     b = J.t.b[j]
@@ -34,31 +34,31 @@ def ends_of(j: int, k: int, J: Linked):
 
 
 @wp.func(inline=False)
-def shared(k: int, i: int, J: Linked):
+def coupling_joint_block(k: int, i: int, J: Linked):
     """A_ki of two joints, by the bodies of both."""
     A = mat66d()
     a = J.t.a[i]
     b = J.t.b[i]
     if a >= 0 and a == J.t.a[k]:
-        A = A + product(k, i, J.r_a[k], J.r_a[i], J.t.w[a], J.S[a], J)
+        A = A + block_product(k, i, J.r_a[k], J.r_a[i], J.t.w[a], J.S[a], J)
     if b >= 0 and b == J.t.b[k]:
-        A = A + product(k, i, J.r_b[k], J.r_b[i], J.t.w[b], J.S[b], J)
+        A = A + block_product(k, i, J.r_b[k], J.r_b[i], J.t.w[b], J.S[b], J)
     if a >= 0 and a == J.t.b[k]:
-        A = A - product(k, i, J.r_b[k], J.r_a[i], J.t.w[a], J.S[a], J)
+        A = A - block_product(k, i, J.r_b[k], J.r_a[i], J.t.w[a], J.S[a], J)
     if b >= 0 and b == J.t.a[k]:
-        A = A - product(k, i, J.r_a[k], J.r_b[i], J.t.w[b], J.S[b], J)
+        A = A - block_product(k, i, J.r_a[k], J.r_b[i], J.t.w[b], J.S[b], J)
     return A
 
 
 @wp.func
-def factored(first: int, last: int, J: Linked):
+def factor_joint_island(first: int, last: int, J: Linked):
     """A of the rows that act, and its factor."""
     for i in range(first, last):
-        put_diagonal(i, both(i, J), J)
+        put_diagonal(i, own_joint_block(i, J), J)
         for e in range(J.t.first_near[i], J.t.first_near[i + 1]):
             k = J.t.near[e]
-            put_below(J.t.a.shape[0] + e, k, i, shared(k, i, J), J)
-    factor(first, last, J)
+            put_below(J.t.a.shape[0] + e, k, i, coupling_joint_block(k, i, J), J)
+    factor_joint_blocks(first, last, J)
 
 
 @wp.func
@@ -68,7 +68,7 @@ def row_response(by: wp.vec3d, w: wp.float64, n: wp.vec3d, S: wp.mat33d):
 
 
 @wp.func(inline=False)
-def measure_turn(j: int, e: Ends, at: Place, part: wp.float64, J: Linked):
+def measure_turn(j: int, e: JointFrames, at: JointCoordinates, part: wp.float64, J: Linked):
     """Sets `turned` of a joint's rows: (D M^-1 D^T)_rr / 2 of their change D from now to the frames e. part: see `fast`."""
     a = J.t.a[j]
     b = J.t.b[j]
@@ -94,15 +94,15 @@ def measure_turn(j: int, e: Ends, at: Place, part: wp.float64, J: Linked):
 
 
 @wp.func(inline=False)
-def lined(j: int, k: int, J: Linked):
+def set_joint_rows(j: int, k: int, J: Linked):
     """Coordinates of a joint now, its rows and arms."""
     ends = ends_of(j, k, J)
-    at = place_of(ends, J.t.form[j], J.t.cone[j])
+    at = joint_coordinates(ends, J.t.form[j], J.t.cone[j])
     J.axis[j] = at.axis
     J.turn[j] = at.turn
     J.r_a[j] = ends.p_b - ends.c_a
     J.r_b[j] = ends.p_b - ends.c_b
-    phi = unwound(at.turned[0], J.quarters[j])
+    phi = unwind_twist_angle(at.turned[0], J.quarters[j])
     J.quarters[j] = int(wp.round(wp.float64(2.0) * phi / PI))
     three = int(3)
     for r in range(three):

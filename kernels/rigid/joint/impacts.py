@@ -10,22 +10,22 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.impact import MET, ROUNDS, SWEEPS, marks, telling
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.impact import MET, ROUNDS, SWEEPS, flag_reading_func, impact_mark_functions
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.steps import functions, relaxed_row
-from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
-from wsim.kernels.rigid.motion import structs
+from wsim.kernels.rigid.joint.steps import joint_step_functions, relaxed_row
+from wsim.kernels.rigid.kinds import ConstraintKind, at_once_func, by_colour
+from wsim.kernels.rigid.motion import body_structs
 
 
 @cache
 def holding_rates(real):
     """(clear, hold): functions of an island g. hold takes away what a blow has given to the rates of rows that are held."""
-    Moving, f = structs(real)[1], functions(real)
+    Moving, f = body_structs(real)[1], joint_step_functions(real)
     rate_of, given = f.rate_of, f.given
 
     @wp.func
-    def clear(g: int, J: Linked):
+    def clear_joint_impulses(g: int, J: Linked):
         six = int(6)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             for r in range(six):
@@ -34,7 +34,7 @@ def holding_rates(real):
                 J.active[j, r] = -1
 
     @wp.func(inline=False)
-    def hold(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
+    def hold_joint_rates(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
         three = int(3)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             u, omega = rate_of(j, k, wp.float64(0.0), now, J)
@@ -45,17 +45,17 @@ def holding_rates(real):
                 relaxed_row(j, 3 + r, 0, h, omega[r], J)
         given(g, 0, now, J)
 
-    return clear, hold
+    return clear_joint_impulses, hold_joint_rates
 
 
-def linked_impacts(kind: Kind, meet, real):
-    """Function as `wsim.kernels.rigid.impact.impacts`, with the joints behind."""
-    mark, strike = marks(real, MET)
-    look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)
-    Rig, told, (clear, hold) = whole(real), telling(meet, real), holding_rates(real)
+def linked_impacts(kind: ConstraintKind, meet, real):
+    """Function as `wsim.kernels.rigid.impact.impact_func`, with the joints behind."""
+    mark, strike = impact_mark_functions(real, MET)
+    look, sweep = at_once_func(kind, mark, real), by_colour(kind, strike, meet, real)
+    Rig, told, (clear, hold) = rig_type(real), flag_reading_func(meet, real), holding_rates(real)
 
     @wp.func
-    def impacts(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+    def resolve_linked_impacts(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         islands = J.t.first_joint.shape[0] - 1
         for round in range(int(ROUNDS)):
             look(i, threads, k, h, 0, rig)
@@ -74,12 +74,12 @@ def linked_impacts(kind: Kind, meet, real):
                 if more == 0:
                     break
 
-    return impacts
+    return resolve_linked_impacts
 
 
 def linked_thrown(kinds, real, module, meet, threads: int, cluster: int):
     """Kernel of the impacts of a substep, of the last kind."""
-    Rig, throw = whole(real), linked_impacts(kinds[-1], meet, real)
+    Rig, throw = rig_type(real), linked_impacts(kinds[-1], meet, real)
 
     def rigid_linked_thrown(threads: int, k: int, h: real, rig: Rig, J: Linked):
         throw(wp.tid(), threads, k, h, rig, J)

@@ -5,16 +5,16 @@
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.steps import functions
-from wsim.kernels.rigid.joint.tables import structs as tables
-from wsim.kernels.rigid.motion import structs
+from wsim.kernels.rigid.joint.steps import joint_step_functions
+from wsim.kernels.rigid.joint.tables import joint_table_structs as tables
+from wsim.kernels.rigid.motion import body_structs
 
 
 def jointed_parts(real, module) -> list:
     """Kernels held (substep steps[0], of steps[2] sweeps) and loosed of islands of joints alone: a thread each."""
-    Bodies, Moving = structs(real)
+    Bodies, Moving = body_structs(real)
     Linked = tables()[1]
-    f = functions(real)
+    f = joint_step_functions(real)
     placed, begun, solve, relax, kicks, place = f.placed, f.begun, f.solve, f.relax, f.kicks, f.place
 
     def rigid_joints_held(steps: wp.vec3i, h: real, b: Bodies, J: Linked, now: Moving):

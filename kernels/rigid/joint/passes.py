@@ -5,40 +5,40 @@ The bodies of an island of joints sleep together (kernels/rigid/graph/sleep.py);
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.steps import functions
-from wsim.kernels.rigid.kinds import spread
-from wsim.kernels.rigid.lists.pairs import straying
-from wsim.kernels.rigid.motion import double3, kicked
-from wsim.kernels.rigid.passes import over_bodies, walks
+from wsim.kernels.rigid.joint.steps import joint_step_functions
+from wsim.kernels.rigid.kinds import first_of_thread
+from wsim.kernels.rigid.lists.pairs import body_straying_func
+from wsim.kernels.rigid.motion import double_vec3, kick_momentum
+from wsim.kernels.rigid.passes import constraint_walks, over_bodies
 from wsim.kernels.rigid.soft_step import body_steps
 
-MODULES = "joint_places", "joint_impulses", "joint_relaxation"       # names of the modules that `launched` asks for
+MODULES = "joint_places", "joint_impulses", "joint_relaxation"       # names of the modules that `joint_pass_kernels` asks for
 
 
-def bodies(real):
+def linked_body_passes(real):
     """(begun, placed, ended) as `over_bodies`; bodies of joints are placed by what joints expect."""
-    Rig, (_, _, forces, place), (_, placed, _) = whole(real), body_steps(real), over_bodies(real)
-    linked, stray = functions(real).place, straying(real)
+    Rig, (_, _, forces, place), (_, placed, _) = rig_type(real), body_steps(real), over_bodies(real)
+    linked, stray = joint_step_functions(real).place, body_straying_func(real)
 
     @wp.func(inline=False)
-    def begun(i: int, threads: int, h: real, rig: Rig, J: Linked):
+    def begin_linked_bodies(i: int, threads: int, h: real, rig: Rig, J: Linked):
         half = real(0.5) * h
         if i == 0:
             rig.work.strayed[0] = 0
-        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
+        for b in range(first_of_thread(i, threads), rig.b.w.shape[0], threads):
             p = rig.now.p[b]
             L = rig.now.L[b]
-            J.p[b] = double3(p)
-            J.L[b] = double3(L)
+            J.p[b] = double_vec3(p)
+            J.L[b] = double_vec3(L)
             forces(b, h, rig)
-            J.dp[b] = double3(kicked(p, rig.b.push[b], rig.b.drag[b], half)) - double3(rig.now.p[b])
-            J.dL[b] = double3(kicked(L, rig.b.torque[b], rig.b.spin_drag[b], half)) - double3(rig.now.L[b])
+            J.dp[b] = double_vec3(kick_momentum(p, rig.b.push[b], rig.b.drag[b], half)) - double_vec3(rig.now.p[b])
+            J.dL[b] = double_vec3(kick_momentum(L, rig.b.torque[b], rig.b.spin_drag[b], half)) - double_vec3(rig.now.L[b])
 
     @wp.func(inline=False)
-    def ended(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
-        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
+    def end_linked_bodies(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+        for b in range(first_of_thread(i, threads), rig.b.w.shape[0], threads):
             if J.t.linked[b] == 0:
                 place(b, h, rig)
             elif rig.work.asleep[b] == 0:
@@ -46,52 +46,52 @@ def bodies(real):
             stray(b, h, rig)
         placed(i, threads, k + 1, rig)
 
-    return begun, placed, ended
+    return begin_linked_bodies, placed, end_linked_bodies
 
 
-def islands(real):
+def joint_island_passes(real):
     """(placed, begun, solve, relax): functions of all islands, by thread i of so many."""
-    Rig, f = whole(real), functions(real)
+    Rig, f = rig_type(real), joint_step_functions(real)
     placed_one, begun_one, solve_one, relax_one = f.placed, f.begun, f.solve, f.relax
 
     @wp.func
-    def acts(g: int, rig: Rig, J: Linked):
+    def island_is_active(g: int, rig: Rig, J: Linked):
         """Whether island g has joints, and is awake."""
         return J.t.first_joint[g + 1] > J.t.first_joint[g] and rig.work.asleep[J.t.body[J.t.first_body[g]]] == 0
 
     @wp.func(inline=False)
-    def placed(i: int, threads: int, k: int, rig: Rig, J: Linked):
+    def place_joint_islands(i: int, threads: int, k: int, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             if rig.work.asleep[J.t.body[J.t.first_body[g]]] == 0:
                 placed_one(g, k, rig.b, rig.now, J)
 
     @wp.func(inline=False)
-    def begun(i: int, threads: int, k: int, h: real, J: Linked):
+    def begin_joint_islands(i: int, threads: int, k: int, h: real, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             begun_one(g, k, wp.float64(h), J)
 
     @wp.func(inline=False)
-    def solve(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+    def solve_joint_islands(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
-            if acts(g, rig, J):
+            if island_is_active(g, rig, J):
                 solve_one(g, k, wp.float64(h), rig.b, rig.now, J)
 
     @wp.func(inline=False)
-    def relax(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+    def relax_joint_islands(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
-            if acts(g, rig, J):
+            if island_is_active(g, rig, J):
                 relax_one(g, k, wp.float64(h), rig.now, J)
 
-    return placed, begun, solve, relax
+    return place_joint_islands, begin_joint_islands, solve_joint_islands, relax_joint_islands
 
 
-def launched(real, places: str, joins: str, looses: str) -> dict:
+def joint_pass_kernels(real, places: str, joins: str, looses: str) -> dict:
     """Kernels of the same passes, each a launch: placed, begun and ended of bodies, and those of islands, a thread each.
 
     places, joins, looses: modules of MODULES, compiled side by side; the second and third solve for impulses."""
-    Rig, (_, place, _) = whole(real), over_bodies(real)
-    begin, _, end = bodies(real)
-    line, clear, join, loose = islands(real)
+    Rig, (_, place, _) = rig_type(real), over_bodies(real)
+    begin, _, end = linked_body_passes(real)
+    line, clear, join, loose = joint_island_passes(real)
 
     def linked_placed(threads: int, k: int, rig: Rig):
         place(wp.tid(), threads, k, rig)
@@ -122,7 +122,7 @@ def launched(real, places: str, joins: str, looses: str) -> dict:
 
 def contact_passes(kinds, real, module, meet, threads: int = 0, cluster: int = 0):
     """Kernel of one pass over all contacts, by so many threads that `meet`: which is 0 prepare, 1 warm, 2 solve."""
-    Rig, w = whole(real), walks(kinds, real, meet, False)
+    Rig, w = rig_type(real), constraint_walks(kinds, real, meet, False)
     prepare, warm, solve = w.prepare, w.warm, w.solve
 
     def rigid_contact_pass(which: int, threads: int, k: int, h: real, biased: int, rig: Rig):
@@ -139,13 +139,13 @@ def contact_passes(kinds, real, module, meet, threads: int = 0, cluster: int = 0
                      **more, **({"cluster_dim": cluster} if cluster else {}))
 
 
-def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
-    """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds. bouncing: impacts are in
-    a kernel of their own, launched before each substep (`joint/impacts.py`: in one kernel they took minutes to compile for a
-    GPU). At the start of a frame, a launch with steps = (0, 0, sweeps) prepares for it."""
-    Rig, w = whole(real), walks(kinds, real, meet, False)
-    begun, placed, ended = bodies(real)
-    lined, reset, joined, loosed = islands(real)
+def linked_substep_kernel(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+    """Kernel as `wsim.kernels.rigid.passes.body_substep_kernel`, with islands of joints in front of the kinds. bouncing:
+    impacts are in a kernel of their own, launched before each substep (`joint/impacts.py`: in one kernel they took minutes to
+    compile for a GPU). At the start of a frame, a launch with steps = (0, 0, sweeps) prepares for it."""
+    Rig, w = rig_type(real), constraint_walks(kinds, real, meet, False)
+    begun, placed, ended = linked_body_passes(real)
+    lined, reset, joined, loosed = joint_island_passes(real)
     prepare, warm, solve = w.prepare, w.warm, w.solve
     apart = wp.constant(int(bouncing))
 

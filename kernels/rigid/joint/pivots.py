@@ -16,8 +16,8 @@ The first guess is what acted in the sweep before: a sweep in which nothing chan
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.elimination import Linked, equation, solved
-from wsim.kernels.rigid.joint.frames import factored
+from wsim.kernels.rigid.joint.elimination import Linked, row_has_equation, solve_joint_system
+from wsim.kernels.rigid.joint.frames import factor_joint_island
 from wsim.kernels.rigid.joint.tables import BOTTOM, DRIVEN, FAR, HELD, HIGHEST, LOWEST, NONE, TOP
 
 PIVOTS, TRIES = wp.constant(60), wp.constant(3)
@@ -25,12 +25,12 @@ ROUND = wp.constant(wp.float64(1.0e-9))      # part of what is compared that is 
 
 
 @wp.func
-def driven(j: int, r: int, driving: int, J: Linked):
+def row_is_driven(j: int, r: int, driving: int, J: Linked):
     return driving == 1 and J.t.drive[j, r] > NONE and J.broken[j] == 0
 
 
 @wp.func
-def pushed(j: int, r: int, J: Linked):
+def drive_impulse_and_piece(j: int, r: int, J: Linked):
     """(impulse of a drive where a row's rate is, the piece that it is on)."""
     most = J.give[j, r]
     p = J.push[j, r] + (J.much[j, r] - J.change[j, r]) / J.soft[j, r]
@@ -46,16 +46,16 @@ def pushed(j: int, r: int, J: Linked):
 
 
 @wp.func(inline=False)
-def fitting(j: int, r: int, driving: int, J: Linked):
+def fitting_row_piece(j: int, r: int, driving: int, J: Linked):
     """The piece of a row that fits the solution."""
     acts = J.active[j, r]
     z = J.rhs[j, r]
     before = J.hold[j, r]
     p = wp.float64(0.0)
     loose = NONE
-    if driven(j, r, driving, J):
+    if row_is_driven(j, r, driving, J):
         before = before + J.push[j, r]
-        p, loose = pushed(j, r, J)
+        p, loose = drive_impulse_and_piece(j, r, J)
     ends = before + z - p
     small = ROUND * (wp.abs(before) + wp.abs(z) + wp.abs(p))
     rate = J.change[j, r] + J.ease[j, r] * z
@@ -77,7 +77,7 @@ def fitting(j: int, r: int, driving: int, J: Linked):
 
 
 @wp.func
-def known(j: int, r: int, J: Linked):
+def known_row_impulse(j: int, r: int, J: Linked):
     """Impulse of a row without an equation: all that its drive has, or nothing."""
     z = wp.float64(0.0)
     if J.active[j, r] == NONE:
@@ -90,7 +90,7 @@ def known(j: int, r: int, J: Linked):
 
 
 @wp.func(inline=False)
-def moved(g: int, J: Linked):
+def island_body_impulses(g: int, J: Linked):
     """P and T: impulses on the bodies of an island of those in rhs."""
     for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
         J.P[J.t.body[m]] = wp.vec3d()
@@ -109,9 +109,9 @@ def moved(g: int, J: Linked):
 
 
 @wp.func(inline=False)
-def changed(g: int, J: Linked):
+def rate_change_of_rows(g: int, J: Linked):
     """change: A times rhs, by way of the bodies."""
-    moved(g, J)
+    island_body_impulses(g, J)
     three = int(3)
     for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
         u = wp.vec3d()
@@ -134,21 +134,21 @@ def changed(g: int, J: Linked):
 
 
 @wp.func(inline=False)
-def equations(g: int, J: Linked):
+def set_row_equations(g: int, J: Linked):
     """Right sides of what acts; rhs of other rows is what they add."""
     six = int(6)
     some = int(0)
     for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
         for r in range(six):
-            z = known(j, r, J)
+            z = known_row_impulse(j, r, J)
             J.rhs[j, r] = z
             if z != wp.float64(0.0):
                 some = 1
     if some == 1:
-        changed(g, J)
+        rate_change_of_rows(g, J)
     for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
         for r in range(six):
-            if equation(j, r, J):
+            if row_has_equation(j, r, J):
                 asks = -J.under[j, r]
                 if J.active[j, r] == HIGHEST:
                     asks = -J.over[j, r]
@@ -160,20 +160,20 @@ def equations(g: int, J: Linked):
 
 
 @wp.func(inline=False)
-def judged(g: int, driving: int, J: Linked):
+def judge_row_pieces(g: int, driving: int, J: Linked):
     """`next` of all rows; how many were wrong."""
     six = int(6)
     open = int(0)
     for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
         for r in range(six):
-            if J.active[j, r] != HELD and (J.under[j, r] < FAR or J.over[j, r] > -FAR or driven(j, r, driving, J)):
+            if J.active[j, r] != HELD and (J.under[j, r] < FAR or J.over[j, r] > -FAR or row_is_driven(j, r, driving, J)):
                 open = 1
     wrong = int(0)
     if open == 1:
-        changed(g, J)
+        rate_change_of_rows(g, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             for r in range(six):
-                J.next[j, r] = fitting(j, r, driving, J)
+                J.next[j, r] = fitting_row_piece(j, r, driving, J)
                 if J.next[j, r] != J.active[j, r]:
                     wrong += 1
     return wrong
@@ -194,7 +194,7 @@ def one_alone(g: int, J: Linked):
 
 
 @wp.func(inline=False)
-def borne(j: int, r: int, driving: int, J: Linked):
+def admissible_row_impulse(j: int, r: int, driving: int, J: Linked):
     """Impulse of row r that a solution adds, within what it may give; the sums are noted."""
     acts = J.active[j, r]
     hold = J.hold[j, r]
@@ -207,8 +207,8 @@ def borne(j: int, r: int, driving: int, J: Linked):
         J.hold[j, r] = wp.float64(0.0)
     elif acts >= LOWEST and acts <= HIGHEST:
         given = push
-        if driven(j, r, driving, J):
-            given, _piece = pushed(j, r, J)
+        if row_is_driven(j, r, driving, J):
+            given, _piece = drive_impulse_and_piece(j, r, J)
         J.push[j, r] = given
         after = hold + z - (given - push)
         if acts == LOWEST:
@@ -222,7 +222,7 @@ def borne(j: int, r: int, driving: int, J: Linked):
 
 
 @wp.func(inline=False)
-def settled(g: int, driving: int, J: Linked):
+def solve_joint_pivots(g: int, driving: int, J: Linked):
     """Impulses of an island that fit all of its rows: P and T of bodies. next: the first guess; driving: 1 where drives act."""
     six = int(6)
     best = int(1 << 30)
@@ -237,10 +237,10 @@ def settled(g: int, driving: int, J: Linked):
                     J.active[j, r] = J.next[j, r]
                     other = 1
         if other == 1:
-            factored(first, last, J)
-        equations(g, J)
-        solved(first, last, J)
-        wrong = judged(g, driving, J)
+            factor_joint_island(first, last, J)
+        set_row_equations(g, J)
+        solve_joint_system(first, last, J)
+        wrong = judge_row_pieces(g, driving, J)
         if wrong == 0:
             break
         tries -= 1
@@ -251,5 +251,5 @@ def settled(g: int, driving: int, J: Linked):
             one_alone(g, J)
     for j in range(first, last):
         for r in range(six):
-            J.rhs[j, r] = borne(j, r, driving, J)
-    moved(g, J)
+            J.rhs[j, r] = admissible_row_impulse(j, r, driving, J)
+    island_body_impulses(g, J)

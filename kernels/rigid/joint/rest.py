@@ -8,17 +8,17 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.graph.sleep import CALM
-from wsim.kernels.rigid.joint.tables import structs as tables
-from wsim.kernels.rigid.motion import structs
+from wsim.kernels.rigid.joint.tables import joint_table_structs as tables
+from wsim.kernels.rigid.motion import body_structs
 
 
-def rest(real, module):
+def joint_sleep_kernel(real, module):
     """Kernel over islands, before a frame of `time` [s]. Slow is what is no faster than `speed` [m/s].
     stir: of joints (joints,): 1 where its island may not sleep. calm [s] and asleep: of bodies."""
-    t, (Bodies, Moving), (Joints, _) = types(real), structs(real), tables()
+    t, (Bodies, Moving), (Joints, _) = types(real), body_structs(real), tables()
 
     @wp.func
-    def square(i: int, b: Bodies, now: Moving):
+    def mean_square_speed(i: int, b: Bodies, now: Moving):
         """Twice the kinetic energy over the mass [m^2/s^2]."""
         v = b.w[i] * now.p[i]
         L = wp.quat_rotate_inv(now.q[i], now.L[i])
@@ -36,7 +36,7 @@ def rest(real, module):
         for m in range(J.first_body[g], J.first_body[g + 1]):
             i = J.body[m]
             slow = real(0.0)
-            if square(i, b, now) <= speed * speed:
+            if mean_square_speed(i, b, now) <= speed * speed:
                 slow = wp.min(calm[i] + time, real(CALM))
             calm[i] = slow
             if slow < real(CALM):

@@ -14,7 +14,7 @@ Which of them act together is found by pivots (pivots.py). The first guess is wh
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.elimination import Linked, mat66d, product
+from wsim.kernels.rigid.joint.elimination import Linked, block_product, mat66d
 from wsim.kernels.rigid.joint.tables import (
     BOTTOM,
     DRIVEN,
@@ -32,20 +32,20 @@ PULL, SPIN = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(10.0))     # [
 
 
 @wp.func
-def both(j: int, J: Linked):
+def own_joint_block(j: int, J: Linked):
     """A_jj: what a joint moves by itself."""
     A = mat66d()
     a = J.t.a[j]
     b = J.t.b[j]
     if a >= 0:
-        A = A + product(j, j, J.r_a[j], J.r_a[j], J.t.w[a], J.S[a], J)
+        A = A + block_product(j, j, J.r_a[j], J.r_a[j], J.t.w[a], J.S[a], J)
     if b >= 0:
-        A = A + product(j, j, J.r_b[j], J.r_b[j], J.t.w[b], J.S[b], J)
+        A = A + block_product(j, j, J.r_b[j], J.r_b[j], J.t.w[b], J.S[b], J)
     return A
 
 
 @wp.func
-def left(error: wp.float64, r: int, h: wp.float64):
+def unreduced_joint_error(error: wp.float64, r: int, h: wp.float64):
     """What of an error stays behind a substep."""
     most = h * PULL
     if r > 2:
@@ -54,17 +54,17 @@ def left(error: wp.float64, r: int, h: wp.float64):
 
 
 @wp.func
-def ranged(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
+def set_limit_rates(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
     """under and over: rates by which a row goes beyond its ends; then: its coordinate at the end of the substep."""
     low = J.t.low[j, r]
     high = J.t.high[j, r]
     now = J.now[j, r]
-    J.under[j, r] = (then - low - wp.min(left(now - low, r, h), wp.float64(0.0))) / h
-    J.over[j, r] = (then - high - wp.max(left(now - high, r, h), wp.float64(0.0))) / h
+    J.under[j, r] = (then - low - wp.min(unreduced_joint_error(now - low, r, h), wp.float64(0.0))) / h
+    J.over[j, r] = (then - high - wp.max(unreduced_joint_error(now - high, r, h), wp.float64(0.0))) / h
 
 
 @wp.func(inline=False)
-def wanted(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
+def row_want_and_piece(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
     """Sets what row r asks for in a sweep, but for its drive; what acts, by a first guess. then: its coordinate at the end of
     the substep."""
     kind = J.t.kind[j, r]
@@ -75,12 +75,12 @@ def wanted(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
         return NONE
     if kind == LOCKED:
         low = J.t.low[j, r]
-        J.under[j, r] = (then - low - left(J.now[j, r] - low, r, h)) / h
+        J.under[j, r] = (then - low - unreduced_joint_error(J.now[j, r] - low, r, h)) / h
         return HELD
     push = J.push[j, r]
     driven = J.t.drive[j, r] > NONE
     if kind == LIMITED:
-        ranged(j, r, h, then, J)
+        set_limit_rates(j, r, h, then, J)
         if hold > wp.float64(0.0) or (not driven and hold == wp.float64(0.0) and J.under[j, r] < wp.float64(0.0)):
             return LOWEST
         if hold < wp.float64(0.0) or (not driven and J.over[j, r] > wp.float64(0.0)):
@@ -95,8 +95,8 @@ def wanted(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
 
 
 @wp.func(inline=False)
-def relaxed(j: int, r: int, driving: int, rate: wp.float64, J: Linked):
-    """As `wanted`, behind the places. driving: 1 where drives act."""
+def relaxed_row_piece(j: int, r: int, driving: int, rate: wp.float64, J: Linked):
+    """As `row_want_and_piece`, behind the places. driving: 1 where drives act."""
     kind = J.t.kind[j, r]
     hold = J.hold[j, r]
     zero = wp.float64(0.0)

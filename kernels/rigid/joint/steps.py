@@ -15,15 +15,15 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.joint.coordinates import place_of, unwound
-from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, driven, prepare_drives, renew_masses
+from wsim.kernels.math.rotation import rotation_to_matrix
+from wsim.kernels.rigid.joint.coordinates import joint_coordinates, unwind_twist_angle
+from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, prepare_drives, renew_masses, speed_drive_work
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.frames import ends_of, lined, measure_turn
-from wsim.kernels.rigid.joint.pivots import settled
-from wsim.kernels.rigid.joint.rows import relaxed, wanted
+from wsim.kernels.rigid.joint.frames import ends_of, measure_turn, set_joint_rows
+from wsim.kernels.rigid.joint.pivots import solve_joint_pivots
+from wsim.kernels.rigid.joint.rows import relaxed_row_piece, row_want_and_piece
 from wsim.kernels.rigid.joint.tables import NONE
-from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near, structs
+from wsim.kernels.rigid.motion import body_structs, double_quat, double_vec3, free_rotor_step, kick_momentum, rounded_quaternion
 
 FAST = wp.constant(wp.float64(0.25))     # [rad] of a turn in a substep: RATTLE has no solution for a joint that turns much more
 RELAX = wp.constant(4)                   # sweeps over the velocities of a loop, as A is eased (elimination.py)
@@ -31,13 +31,13 @@ CONTACT, JOINT = wp.constant(1), wp.constant(2)       # what touched a body in a
 
 
 @wp.func
-def rounded(v: wp.vec3d, like: Any):
+def rounded_like(v: wp.vec3d, like: Any):
     """v in the type of `like`."""
     return type(like)(type(like[0])(v[0]), type(like[0])(v[1]), type(like[0])(v[2]))
 
 
 @wp.func
-def touching(j: int, J: Linked):
+def joint_has_contact(j: int, J: Linked):
     """1 where a contact has touched the island of a joint in this substep (`then` notes it of all its bodies)."""
     i = wp.max(J.t.a[j], J.t.b[j])
     return wp.where(J.touched[i] == CONTACT, 1, 0)
@@ -48,7 +48,7 @@ def asked_row(j: int, r: int, contact: int, h: wp.float64, then: wp.float64, rat
     """Wants of row r in a sweep. then: its coordinate at the end of the substep; rate: of the velocities now."""
     if J.t.drive[j, r] > NONE:
         ask_drive(j, r, contact, h, (then - J.now[j, r]) / h, rate, J)
-    J.next[j, r] = wanted(j, r, h, then, J)
+    J.next[j, r] = row_want_and_piece(j, r, h, then, J)
 
 
 @wp.func
@@ -56,11 +56,11 @@ def relaxed_row(j: int, r: int, driving: int, h: wp.float64, rate: wp.float64, J
     """Wants of row r behind the places."""
     if driving == 1 and J.t.drive[j, r] > NONE:
         ask_drive_last(j, r, h, rate, J)
-    J.next[j, r] = relaxed(j, r, driving, rate, J)
+    J.next[j, r] = relaxed_row_piece(j, r, driving, rate, J)
 
 
 @wp.func
-def broke(j: int, h: wp.float64, J: Linked):
+def note_broken_joint(j: int, h: wp.float64, J: Linked):
     """Notes a joint whose reaction was over what it bears."""
     f = wp.vec3d()
     t = wp.vec3d()
@@ -75,44 +75,45 @@ def broke(j: int, h: wp.float64, J: Linked):
 
 
 @cache
-def functions(real):
+def joint_step_functions(real):
     """Functions of an island g: placed, begun, solve, relax; of a body i: kicks, place."""
-    Bodies, Moving = structs(real)
+    Bodies, Moving = body_structs(real)
 
     @wp.func
-    def places(g: int, b: Bodies, now: Moving, J: Linked):
+    def place_island_bodies(g: int, b: Bodies, now: Moving, J: Linked):
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             i = J.t.body[m]
-            q = double(now.q[i], now.o[i])
-            R = matrix(q)
-            J.X[i] = double3(now.x[i]) + double3(now.e[i])
+            q = double_quat(now.q[i], now.o[i])
+            R = rotation_to_matrix(q)
+            J.X[i] = double_vec3(now.x[i]) + double_vec3(now.e[i])
             J.Q[i] = q
-            J.S[i] = R * wp.diag(double3(b.inverse[i])) * wp.transpose(R)
+            J.S[i] = R * wp.diag(double_vec3(b.inverse[i])) * wp.transpose(R)
 
     @wp.func
-    def placed(g: int, k: int, b: Bodies, now: Moving, J: Linked):
-        places(g, b, now, J)
+    def place_joint_island(g: int, k: int, b: Bodies, now: Moving, J: Linked):
+        place_island_bodies(g, b, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            lined(j, k, J)
+            set_joint_rows(j, k, J)
 
     @wp.func(inline=False)
-    def then(g: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
-        """X and Q where the velocities lead to, as `place` will have it. Where one body rests in contact, all of them do."""
+    def predict_island_poses(g: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
+        """X and Q where the velocities lead to, as `place_jointed_body` will have it. Where one body rests in contact, all of
+        them do."""
         rests = int(0)
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             if J.touched[J.t.body[m]] == CONTACT:
                 rests = 1
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             i = J.t.body[m]
-            p = double3(now.p[i])
-            L = double3(now.L[i])
+            p = double_vec3(now.p[i])
+            L = double_vec3(now.L[i])
             if rests == 1:
                 J.touched[i] = CONTACT
             else:
                 p = p + J.dp[i]
                 L = L + J.dL[i]
-            J.X[i] = double3(now.x[i]) + double3(now.e[i]) + h * J.t.w[i] * p
-            J.Q[i] = free_rotation(double(now.q[i], now.o[i]), L, double3(b.inverse[i]), h)
+            J.X[i] = double_vec3(now.x[i]) + double_vec3(now.e[i]) + h * J.t.w[i] * p
+            J.Q[i] = free_rotor_step(double_quat(now.q[i], now.o[i]), L, double_vec3(b.inverse[i]), h)
 
     @wp.func(inline=False)
     def rate_of(j: int, k: int, placing: wp.float64, now: Moving, J: Linked):
@@ -126,8 +127,8 @@ def functions(real):
             more = placing
             if J.touched[b] == CONTACT:
                 more = wp.float64(0.0)
-            o = J.S[b] * (double3(now.L[b]) + more * J.dL[b])
-            u = J.t.w[b] * (double3(now.p[b]) + more * J.dp[b]) + wp.cross(o, J.r_b[j])
+            o = J.S[b] * (double_vec3(now.L[b]) + more * J.dL[b])
+            u = J.t.w[b] * (double_vec3(now.p[b]) + more * J.dp[b]) + wp.cross(o, J.r_b[j])
             omega = o
         else:
             omega = J.t.anchor_o[row, j]
@@ -136,8 +137,8 @@ def functions(real):
             more = placing
             if J.touched[a] == CONTACT:
                 more = wp.float64(0.0)
-            o = J.S[a] * (double3(now.L[a]) + more * J.dL[a])
-            u = u - J.t.w[a] * (double3(now.p[a]) + more * J.dp[a]) - wp.cross(o, J.r_a[j])
+            o = J.S[a] * (double_vec3(now.L[a]) + more * J.dL[a])
+            u = u - J.t.w[a] * (double_vec3(now.p[a]) + more * J.dp[a]) - wp.cross(o, J.r_a[j])
             omega = omega - o
         else:
             u = u - J.t.anchor_v[row, j] - wp.cross(J.t.anchor_o[row, j], J.r_a[j])
@@ -145,18 +146,18 @@ def functions(real):
         return u, omega
 
     @wp.func(inline=False)
-    def given(g: int, driving: int, now: Moving, J: Linked):
+    def apply_joint_impulses(g: int, driving: int, now: Moving, J: Linked):
         """Impulses that fit all rows, on the bodies of an island."""
-        settled(g, driving, J)
+        solve_joint_pivots(g, driving, J)
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             i = J.t.body[m]
-            now.p[i] = rounded(double3(now.p[i]) + J.P[i], now.p[i])
-            now.L[i] = rounded(double3(now.L[i]) + J.T[i], now.L[i])
+            now.p[i] = rounded_like(double_vec3(now.p[i]) + J.P[i], now.p[i])
+            now.L[i] = rounded_like(double_vec3(now.L[i]) + J.T[i], now.L[i])
             if J.touched[i] == 0:
                 J.touched[i] = JOINT
 
     @wp.func
-    def begun(g: int, k: int, h: wp.float64, J: Linked):
+    def begin_joint_island(g: int, k: int, h: wp.float64, J: Linked):
         six = int(6)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             for r in range(six):
@@ -166,24 +167,24 @@ def functions(real):
             prepare_drives(j, k, h, J)
 
     @wp.func(inline=False)
-    def fast(j: int, h: wp.float64, now: Moving, J: Linked):
+    def nonlinear_step_share(j: int, h: wp.float64, now: Moving, J: Linked):
         """Part of what is not linear in a step that is believed: 1 below FAST, 0 above twice that."""
         spin = wp.float64(0.0)
         if J.t.a[j] >= 0:
-            spin = wp.length(J.S[J.t.a[j]] * double3(now.L[J.t.a[j]]))
+            spin = wp.length(J.S[J.t.a[j]] * double_vec3(now.L[J.t.a[j]]))
         if J.t.b[j] >= 0:
-            spin = wp.max(spin, wp.length(J.S[J.t.b[j]] * double3(now.L[J.t.b[j]])))
+            spin = wp.max(spin, wp.length(J.S[J.t.b[j]] * double_vec3(now.L[J.t.b[j]])))
         return wp.clamp(wp.float64(2.0) - h * spin / FAST, wp.float64(0.0), wp.float64(1.0))
 
     @wp.func(inline=False)
-    def asked(j: int, k: int, h: wp.float64, now: Moving, J: Linked):
+    def ask_joint_rows(j: int, k: int, h: wp.float64, now: Moving, J: Linked):
         """Wants of the rows of a joint, and a first guess of which act."""
         e = ends_of(j, k + 1, J)
-        at = place_of(e, J.t.form[j], J.t.cone[j])
+        at = joint_coordinates(e, J.t.form[j], J.t.cone[j])
         u, omega = rate_of(j, k, wp.float64(0.0), now, J)
         lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)
-        contact = touching(j, J)
-        part = fast(j, h, now, J)
+        contact = joint_has_contact(j, J)
+        part = nonlinear_step_share(j, h, now, J)
         if J.t.closed[j] == 1 and J.active[j, 0] < 0:
             measure_turn(j, e, at, part, J)
         u = J.axis[j] * u
@@ -197,21 +198,21 @@ def functions(real):
             line = J.now[j, 3 + r] + h * whirl[r]
             then_at = at.turned[r]
             if r == 0:
-                then_at = unwound(then_at, J.quarters[j])
+                then_at = unwind_twist_angle(then_at, J.quarters[j])
             asked_row(j, 3 + r, contact, h, line + part * (then_at - line), omega[r], J)
 
     @wp.func
-    def solve(g: int, k: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
-        then(g, h, b, now, J)
+    def solve_joint_island(g: int, k: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
+        predict_island_poses(g, h, b, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            asked(j, k, h, now, J)
-        given(g, 1, now, J)
+            ask_joint_rows(j, k, h, now, J)
+        apply_joint_impulses(g, 1, now, J)
 
     @wp.func(inline=False)
-    def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
+    def relax_joint_island(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
         three = int(3)
         times = int(1)
-        driving = 1 - touching(J.t.first_joint[g], J)
+        driving = 1 - joint_has_contact(J.t.first_joint[g], J)
         if J.t.closed[J.t.first_joint[g]] == 1:
             times = RELAX
         if driving == 1:
@@ -228,50 +229,51 @@ def functions(real):
                     if sweep == 0:
                         J.active[j, r] = -1
                         J.active[j, 3 + r] = -1
-            given(g, driving, now, J)
+            apply_joint_impulses(g, driving, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            broke(j, h, J)
-            J.given[j] += driven(j, h, J)
+            note_broken_joint(j, h, J)
+            J.given[j] += speed_drive_work(j, h, J)
 
     @wp.func
-    def kicks(i: int, h: real, b: Bodies, now: Moving, J: Linked):
+    def kick_jointed_body(i: int, h: real, b: Bodies, now: Moving, J: Linked):
         """Forces of a substep."""
         half = real(0.5) * h
-        J.p[i] = double3(now.p[i])
-        J.L[i] = double3(now.L[i])
-        p = kicked(now.p[i], b.push[i], b.drag[i], h)
-        L = kicked(now.L[i], b.torque[i], b.spin_drag[i], h)
-        J.dp[i] = double3(kicked(now.p[i], b.push[i], b.drag[i], half)) - double3(p)
-        J.dL[i] = double3(kicked(now.L[i], b.torque[i], b.spin_drag[i], half)) - double3(L)
+        J.p[i] = double_vec3(now.p[i])
+        J.L[i] = double_vec3(now.L[i])
+        p = kick_momentum(now.p[i], b.push[i], b.drag[i], h)
+        L = kick_momentum(now.L[i], b.torque[i], b.spin_drag[i], h)
+        J.dp[i] = double_vec3(kick_momentum(now.p[i], b.push[i], b.drag[i], half)) - double_vec3(p)
+        J.dL[i] = double_vec3(kick_momentum(now.L[i], b.torque[i], b.spin_drag[i], half)) - double_vec3(L)
         now.p[i] = p
         now.L[i] = L
         J.touched[i] = 0
 
     @wp.func(inline=False)
-    def place(i: int, h: real, b: Bodies, now: Moving, J: Linked):
+    def place_jointed_body(i: int, h: real, b: Bodies, now: Moving, J: Linked):
         """Where a body is behind the substep."""
-        p = double3(now.p[i])
-        L = double3(now.L[i])
+        p = double_vec3(now.p[i])
+        L = double_vec3(now.L[i])
         if J.touched[i] != CONTACT:
             p = p + J.dp[i]
             L = L + J.dL[i]
         d = wp.float64(h)
-        X = double3(now.x[i]) + double3(now.e[i]) + d * wp.float64(b.w[i]) * p
-        q = free_rotation(double(now.q[i], now.o[i]), L, double3(b.inverse[i]), d)
-        now.x[i] = rounded(X, now.x[i])
-        now.e[i] = rounded(X - double3(now.x[i]), now.x[i])
-        now.q[i] = near(q, now.q[i])
-        now.o[i] = near(q - double(now.q[i], wp.quatd()), now.q[i])
+        X = double_vec3(now.x[i]) + double_vec3(now.e[i]) + d * wp.float64(b.w[i]) * p
+        q = free_rotor_step(double_quat(now.q[i], now.o[i]), L, double_vec3(b.inverse[i]), d)
+        now.x[i] = rounded_like(X, now.x[i])
+        now.e[i] = rounded_like(X - double_vec3(now.x[i]), now.x[i])
+        now.q[i] = rounded_quaternion(q, now.q[i])
+        now.o[i] = rounded_quaternion(q - double_quat(now.q[i], wp.quatd()), now.q[i])
 
-    return SimpleNamespace(placed=placed, begun=begun, solve=solve, relax=relax, kicks=kicks, place=place, rate_of=rate_of,
-                           given=given)
+    return SimpleNamespace(placed=place_joint_island, begun=begin_joint_island, solve=solve_joint_island,
+                           relax=relax_joint_island, kicks=kick_jointed_body, place=place_jointed_body, rate_of=rate_of,
+                           given=apply_joint_impulses)
 
 
-def jointed(real, module):
+def joint_substep_kernel(real, module):
     """Kernel of substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps each, of islands of joints alone: a thread each.
     asleep: 1 for bodies of islands that stay, or None."""
-    Bodies, Moving = structs(real)
-    f = functions(real)
+    Bodies, Moving = body_structs(real)
+    f = joint_step_functions(real)
     placed, begun, solve, relax, kicks, place = f.placed, f.begun, f.solve, f.relax, f.kicks, f.place
 
     def rigid_joints(steps: wp.vec3i, h: real, b: Bodies, J: Linked, asleep: wp.array(dtype=int), now: Moving):

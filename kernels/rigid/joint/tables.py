@@ -18,10 +18,10 @@ FAR = wp.constant(wp.float64(1.0e300))       # [m/s], [rad/s] beyond which a lim
 
 
 @cache
-def structs():
+def joint_table_structs():
     """(Joints, Linked): what no stage writes, and all of it with what a substep writes. [joint, row] where of rows."""
     @wp.struct
-    class Joints:
+    class JointTable:
         a: wp.array(dtype=int)                       # rows of bodies; -1: the anchor
         b: wp.array(dtype=int)
         at_a: wp.array(dtype=wp.vec3d)               # from the centre of mass, in principal axes [m]
@@ -62,8 +62,8 @@ def structs():
         pace: wp.array3d(dtype=wp.float64)
 
     @wp.struct
-    class Linked:
-        t: Joints
+    class LinkedBodies:
+        t: JointTable
         quarters: wp.array(dtype=int)                # of the twist, counted on
         broken: wp.array(dtype=int)
         given: wp.array(dtype=wp.float64)            # work of drives that ask for a speed, in the frame [J]
@@ -100,4 +100,4 @@ def structs():
         rhs: wp.array2d(dtype=wp.float64)
         block: wp.array(dtype=wp.float64)            # 36 a block: diagonal ones of all joints, then those below
 
-    return Joints, Linked
+    return JointTable, LinkedBodies

@@ -9,31 +9,31 @@ collide_mesh.py.
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.impulse import formulas
-from wsim.kernels.rigid.lists.core import HIT, cores
-from wsim.kernels.rigid.lists.manifold import manifold
-from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, meeting, needing
-from wsim.kernels.rigid.lists.rows import keep_row, lasts, posing, writing
-from wsim.kernels.rigid.narrow.pair import narrow
-from wsim.kernels.rigid.narrow.shape import MESH, hulls
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.impulse import impulse_formulas
+from wsim.kernels.rigid.lists.core import HIT, core_stop_funcs
+from wsim.kernels.rigid.lists.manifold import manifold_type
+from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, manifold_need_func, twist_functions
+from wsim.kernels.rigid.lists.rows import keep_row_func, last_list_type, posed_pair_type, row_writing_funcs
+from wsim.kernels.rigid.narrow.pair import narrow_phase_func
+from wsim.kernels.rigid.narrow.shape import MESH, hull_type
 
 
-def collide(pairs, real, module):
-    """Kernel over the pairs of a list; pairs: of kinds of shapes (`wsim.kernels.rigid.narrow.pair.every`). h [s]: of a
+def pair_manifold_kernel(pairs, real, module):
+    """Kernel over the pairs of a list; pairs: of kinds of shapes (`wsim.kernels.rigid.narrow.pair.pairs_of_kinds`). h [s]: of a
     substep, 0: manifolds are those of now, whatever the speed."""
     t = types(real)
-    Rig, Manifold = whole(real), manifold(real)
-    Last, Hulls = lasts(real), hulls(real)
-    found, write, (Posed, posed) = narrow(pairs, real), writing(real), posing(real)
-    known, point, poses, keep = write.known, write.point, write.poses, keep_row(real)
-    needed, of, prepare = needing(real), meeting(real), formulas(real)[1]
+    Rig, Manifold = rig_type(real), manifold_type(real)
+    Last, Hulls = last_list_type(real), hull_type(real)
+    found, write, (Posed, posed) = narrow_phase_func(pairs, real), row_writing_funcs(real), posed_pair_type(real)
+    known, point, poses, keep = write.known, write.point, write.poses, keep_row_func(real)
+    needed, of, prepare = manifold_need_func(real), twist_functions(real), impulse_formulas(real)[1]
     Twist, twist, advanced, hurried, closing = of.Twist, of.twist, of.advanced, of.hurried, of.closing
     margin, size = of.margin, of.size
-    reached, alone, stopped = cores(real)
+    reached, alone, stopped = core_stop_funcs(real)
 
     @wp.func
-    def until(mm: Manifold, p: Posed, both: Twist):
+    def time_until_touch(mm: Manifold, p: Posed, both: Twist):
         """Time until the first point of a manifold would touch; < 0 where none comes nearer, or one touches."""
         soonest = real(-1.0)
         for i in range(4):
@@ -46,7 +46,7 @@ def collide(pairs, real, module):
         return soonest
 
     @wp.func
-    def least(mm: Manifold):
+    def least_manifold_gap(mm: Manifold):
         gap = mm.gap[0]
         for i in range(1, 4):
             if i < mm.count:
@@ -54,7 +54,7 @@ def collide(pairs, real, module):
         return gap
 
     @wp.func
-    def held(mm: Manifold, ahead: Manifold, q: Posed, core: int, m: int, near: real, rig: Rig):
+    def hold_core_contact(mm: Manifold, ahead: Manifold, q: Posed, core: int, m: int, near: real, rig: Rig):
         """A manifold with the core as a point, if that touches in the substep; ahead: of the core alone."""
         out = mm
         r = rig.s.core[wp.where(core > 0, rig.c.a[m], rig.c.b[m])][3]
@@ -66,7 +66,7 @@ def collide(pairs, real, module):
         return out
 
     @wp.func
-    def met(p: Posed, both: Twist, h: real, m: int, H: Hulls, rig: Rig):
+    def manifold_at_impact(p: Posed, both: Twist, h: real, m: int, H: Hulls, rig: Rig):
         """A manifold, and the poses that it is of: those of now, or of the time of impact."""
         mm = Manifold()
         ahead = Manifold()
@@ -80,7 +80,7 @@ def collide(pairs, real, module):
             time = real(0.0)
             if part == 1:
                 if fast and mm.count > 0:
-                    core = reached(least(mm), h * wp.length(both.v_a - both.v_b), m, rig)
+                    core = reached(least_manifold_gap(mm), h * wp.length(both.v_a - both.v_b), m, rig)
                 if core == 0:
                     break
             for step in range(steps):
@@ -93,18 +93,18 @@ def collide(pairs, real, module):
                 elif step == 0 or at.count > 0:
                     mm = at
                     q = then
-                if not fast or at.count == 0 or least(at) <= near:
+                if not fast or at.count == 0 or least_manifold_gap(at) <= near:
                     break
-                more = until(at, then, both)
+                more = time_until_touch(at, then, both)
                 if more < real(0.0) or time + more > real(LATER) * h:
                     break
                 time += more
         if core != 0:
-            mm = held(mm, ahead, q, core, m, near, rig)
+            mm = hold_core_contact(mm, ahead, q, core, m, near, rig)
         return mm, q
 
     @wp.func(inline=False)
-    def written(m: int, k: int, row: int, mm: Manifold, p: Posed, last: Last, rig: Rig):
+    def write_pair_manifold(m: int, k: int, row: int, mm: Manifold, p: Posed, last: Last, rig: Rig):
         """Puts a manifold into row m; row: where its impulses are."""
         rig.c.colour[m] = -1
         if row >= 0:
@@ -139,7 +139,7 @@ def collide(pairs, real, module):
                 p = posed(m, k, rig)
                 both = twist(m, k, h, rig)
                 p.margin = margin(both, h, m, p, rig)
-                mm, q = met(p, both, h, m, H, rig)
-                written(m, k, row, mm, q, last, rig)
+                mm, q = manifold_at_impact(p, both, h, m, H, rig)
+                write_pair_manifold(m, k, row, mm, q, last, rig)
 
     return wp.kernel(rigid_collide, name="rigid_collide", module=module, enable_backward=False)

@@ -12,33 +12,33 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import SPHERE
-from wsim.kernels.math.block import meet_warp
-from wsim.kernels.math.eigen import identity
-from wsim.kernels.math.marks import called, scratch
+from wsim.kernels.contact.collider.shape import SPHERE
+from wsim.kernels.math.block import warp_barrier
+from wsim.kernels.math.eigen import identity_like
+from wsim.kernels.math.marks import scratch, standalone_function
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.impulse import impulse_formulas
 from wsim.kernels.rigid.lists.core import cores_on_meshes
-from wsim.kernels.rigid.lists.manifold import manifold, reduction
+from wsim.kernels.rigid.lists.manifold import manifold_reduction_func, manifold_type
 from wsim.kernels.rigid.lists.pairs import ROWS
-from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, meeting, needing
-from wsim.kernels.rigid.lists.rows import keep_row, lasts, posing, writing
+from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, manifold_need_func, twist_functions
+from wsim.kernels.rigid.lists.rows import keep_row_func, last_list_type, posed_pair_type, row_writing_funcs
 from wsim.kernels.rigid.narrow.clip import SIDES, WHOLE
-from wsim.kernels.rigid.narrow.mesh import WIDER, bounds, reading, relative, surfaces
-from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls
-from wsim.kernels.rigid.narrow.triangle import against
+from wsim.kernels.rigid.narrow.mesh import WIDER, mesh_type, relative_pose_func, shape_bounds_func, surface_face_readers
+from wsim.kernels.rigid.narrow.shape import MESH, hull_type, shape_extent_funcs
+from wsim.kernels.rigid.narrow.triangle import triangle_func
 
 ALIKE = wp.constant(0.9995)            # cosine, 1.8 degrees: triangles of one plane, and of what is nearly one
 SAME = wp.constant(1.0e-3)             # of the shape's size: points nearer than that are one
 
 
 @cache
-def gathering(real):
+def gather_func(real):
     """(gathered, key_of). gathered(m, mm, face, size, rig): the points of a triangle's manifold, in A's frame, into the rows
     from m on, whose normals are in A's frame and whose places are in `first_a` meanwhile."""
-    vec3, Rig, Manifold = types(real).vec3, whole(real), manifold(real)
-    reduce = reduction(real, True)
+    vec3, Rig, Manifold = types(real).vec3, rig_type(real), manifold_type(real)
+    reduce = manifold_reduction_func(real, True)
 
     @wp.func
     def key_of(key: int, face: int):
@@ -51,14 +51,14 @@ def gathering(real):
         return found
 
     @wp.func
-    def least(row: int, rig: Rig):
+    def least_row_gap(row: int, rig: Rig):
         gap = rig.c.gap[4 * row]
         for i in range(1, rig.c.count[row]):
             gap = wp.min(gap, rig.c.gap[4 * row + i])
         return gap
 
     @wp.func
-    def place(m: int, n: vec3, gap: real, rig: Rig):
+    def row_for_normal(m: int, n: vec3, gap: real, rig: Rig):
         """The row for a normal: emptied, if it was another's; -1: none."""
         row = int(-1)
         best = real(ALIKE)
@@ -72,8 +72,8 @@ def gathering(real):
                 if alike > best:
                     best = alike
                     row = m + r
-                if least(m + r, rig) > most:
-                    most = least(m + r, rig)
+                if least_row_gap(m + r, rig) > most:
+                    most = least_row_gap(m + r, rig)
                     shallow = m + r
             elif free < 0:
                 free = m + r
@@ -86,13 +86,13 @@ def gathering(real):
                 rig.c.n[row] = n
         return row
 
-    @called
+    @standalone_function
     @wp.func
-    def gathered(m: int, mm: Manifold, face: int, size: real, rig: Rig):
+    def gather_triangle_points(m: int, mm: Manifold, face: int, size: real, rig: Rig):
         gap_m = mm.gap[0]
         for i in range(1, mm.count):
             gap_m = wp.min(gap_m, mm.gap[i])
-        row = place(m, mm.n, gap_m, rig)
+        row = row_for_normal(m, mm.n, gap_m, rig)
         if row >= 0:
             P = scratch(shape=(8,), dtype=vec3)
             gap = scratch(shape=(8,), dtype=real)
@@ -123,18 +123,19 @@ def gathering(real):
                 rig.c.gap[4 * row + i] = kept.gap[i]
                 rig.c.key[4 * row + i] = kept.key[i]
 
-    return gathered
+    return gather_triangle_points
 
 
 @cache
-def walking(kinds: frozenset[str], real, lanes: int):
+def mesh_walk_func(kinds: frozenset[str], real, lanes: int):
     """Function (m, lane, posed, hulls, surfaces, rig): rows of a pair from m on, in A's frame, by so many lanes of a warp."""
-    t, Rig, Posed, Manifold = types(real), whole(real), posing(real)[0], manifold(real)
-    bound, seen, met, gathered = bounds(kinds, real), relative(real), against(kinds, real), gathering(real)
-    Hulls, Surfaces, (corners, _normal), size_of = hulls(real), surfaces(real), reading(real), extent(real)[1]
+    t, Rig, Posed, Manifold = types(real), rig_type(real), posed_pair_type(real)[0], manifold_type(real)
+    bound, seen, met = shape_bounds_func(kinds, real), relative_pose_func(real), triangle_func(kinds, real)
+    (corners, _normal), size_of = surface_face_readers(real), shape_extent_funcs(real)[1]
+    Hulls, Surfaces, gathered = hull_type(real), mesh_type(real), gather_func(real)
 
     @wp.func
-    def near(low: t.vec3, high: t.vec3, X: t.mat33, margin: real):
+    def plane_within_margin(low: t.vec3, high: t.vec3, X: t.mat33, margin: real):
         """Whether bounds in A's frame come within the margin of the plane of a triangle there, from either side."""
         n = wp.normalize(wp.cross(X[1] - X[0], X[2] - X[0]))
         middle = real(0.5) * (low + high)
@@ -142,10 +143,10 @@ def walking(kinds: frozenset[str], real, lanes: int):
         return wp.abs(wp.dot(n, middle - X[0])) <= wp.dot(wp.abs(n), half) + margin
 
     @wp.func
-    def walk(m: int, lane: int, p: Posed, H: Hulls, S: Surfaces, rig: Rig):
+    def walk_mesh_tree(m: int, lane: int, p: Posed, H: Hulls, S: Surfaces, rig: Rig):
         R, c = seen(p.pose_a, p.pose_b)
         low, high = bound(p.a, H, R)
-        own_low, own_high = bound(p.a, H, identity(R))
+        own_low, own_high = bound(p.a, H, identity_like(R))
         size = size_of(p.a, H)
         more = p.margin + real(WIDER) * (wp.length(c) + wp.length(high - low))
         low += c - t.vec3(more, more, more)
@@ -161,7 +162,7 @@ def walking(kinds: frozenset[str], real, lanes: int):
             while left and taken < lanes:
                 left = wp.mesh_query_aabb_next(query, face)
                 if left:
-                    if near(own_low, own_high, corners(S, first + face, R, c), p.margin):
+                    if plane_within_margin(own_low, own_high, corners(S, first + face, R, c), p.margin):
                         if taken == lane:
                             mine = face
                         taken += 1
@@ -171,20 +172,20 @@ def walking(kinds: frozenset[str], real, lanes: int):
             for turn in range(taken):
                 if turn == lane and mm.count > 0:
                     gathered(m, mm, mine, size, rig)
-                meet_warp()
+                warp_barrier()
 
-    return walk
+    return walk_mesh_tree
 
 
 @cache
-def approach(real):
+def approach_func(real):
     """Function (m, twist, posed, rig) -> (least gap, time until the first point of the rows of a pair touches; < 0: none does).
     Rows are in A's frame."""
-    Rig, Posed, of = whole(real), posing(real)[0], meeting(real)
+    Rig, Posed, of = rig_type(real), posed_pair_type(real)[0], twist_functions(real)
     Twist, closing = of.Twist, of.closing
 
     @wp.func
-    def approach(m: int, both: Twist, p: Posed, rig: Rig):
+    def mesh_row_approach(m: int, both: Twist, p: Posed, rig: Rig):
         q = wp.transform_get_rotation(p.pose_a)
         o = wp.transform_get_translation(p.pose_a)
         least = real(1.0e30)
@@ -202,16 +203,16 @@ def approach(real):
                         soonest = after
         return least, soonest
 
-    return approach
+    return mesh_row_approach
 
 
 def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
     """Kernel over the rows of a list, so many threads each, behind `rigid_collide`; kinds: of the shapes that meet meshes; h as
     there. lanes: 1, or 32 on a GPU."""
-    t, Rig, Last, Hulls, Surfaces = types(real), whole(real), lasts(real), hulls(real), surfaces(real)
-    write, (Posed, posed), walk = writing(real), posing(real), walking(kinds, real, lanes)
-    known, point, poses, keep = write.known, write.point, write.poses, keep_row(real)
-    needed, of, prepare, approaching = needing(real), meeting(real), formulas(real)[1], approach(real)
+    t, Rig, Last, Hulls, Surfaces = types(real), rig_type(real), last_list_type(real), hull_type(real), mesh_type(real)
+    write, (Posed, posed), walk = row_writing_funcs(real), posed_pair_type(real), mesh_walk_func(kinds, real, lanes)
+    known, point, poses, keep, approaching = write.known, write.point, write.poses, keep_row_func(real), approach_func(real)
+    needed, of, prepare = manifold_need_func(real), twist_functions(real), impulse_formulas(real)[1]
     block, twist, advanced, hurried, margin, size = cores_on_meshes(real), of.twist, of.advanced, of.hurried, of.margin, of.size
 
     @wp.func
@@ -222,7 +223,7 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
         return first
 
     @wp.func
-    def awake(m: int, rig: Rig):
+    def mesh_rows_awake(m: int, rig: Rig):
         rows = int(ROWS)
         found = bool(True)
         for r in range(rows):
@@ -231,14 +232,14 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
         return found
 
     @wp.func(inline=False)
-    def emptied(m: int, lane: int, rig: Rig):
-        meet_warp()
+    def empty_mesh_rows(m: int, lane: int, rig: Rig):
+        warp_barrier()
         for r in range(lane, ROWS, lanes):
             rig.c.count[m + r] = 0
-        meet_warp()
+        warp_barrier()
 
     @wp.func(inline=False)
-    def written(m: int, lane: int, k: int, row: int, p: Posed, last: Last, rig: Rig):
+    def write_mesh_rows(m: int, lane: int, k: int, row: int, p: Posed, last: Last, rig: Rig):
         """Rows of a pair from A's frame into the world's axes, with their impulses."""
         q = wp.transform_get_rotation(p.pose_a)
         o = wp.transform_get_translation(p.pose_a)
@@ -263,7 +264,7 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
             if first_of_its_pair(m, rig):
                 whole_list = rig.work.strayed[0]
                 make = whole_list == 1
-                if not make and awake(m, rig):
+                if not make and mesh_rows_awake(m, rig):
                     make = needed(m, k, rig)
                 if make:
                     row = int(m)
@@ -281,7 +282,7 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
                     steps = int(STEPS)
                     for _step in range(steps):
                         q = advanced(p, both, time, m, rig)
-                        emptied(m, lane, rig)
+                        empty_mesh_rows(m, lane, rig)
                         walk(m, lane, q, H, S, rig)
                         if not fast:
                             break
@@ -291,8 +292,8 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
                         time += more
                     if fast and rig.s.kind[a] != SPHERE and lane == 0:
                         block(m, q, both, h, S, rig)
-                    meet_warp()
-                    written(m, lane, k, row, q, last, rig)
+                    warp_barrier()
+                    write_mesh_rows(m, lane, k, row, q, last, rig)
         elif a >= 0 and rig.s.kind[rig.c.b[m]] == MESH:
             rig.c.count[m] = 0                          # no room for all rows of its pair
 

@@ -15,15 +15,15 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import PLANE, SPHERE
-from wsim.kernels.math.marks import called
+from wsim.kernels.contact.collider.shape import PLANE, SPHERE
+from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.lists.manifold import manifold
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.lists.manifold import manifold_type
 from wsim.kernels.rigid.lists.pairs import ROWS
-from wsim.kernels.rigid.lists.renewal import LATER, meeting
-from wsim.kernels.rigid.lists.rows import posing
-from wsim.kernels.rigid.narrow.mesh import relative, surfaces
+from wsim.kernels.rigid.lists.renewal import LATER, twist_functions
+from wsim.kernels.rigid.lists.rows import posed_pair_type
+from wsim.kernels.rigid.narrow.mesh import mesh_type, relative_pose_func
 
 CORE = wp.constant(2147483647)         # key of its point
 HIT = wp.constant(0.1)                 # of its radius: nearer, it touches
@@ -31,15 +31,15 @@ ALONG = wp.constant(0.9)               # cosine: its normal is that of a manifol
 
 
 @cache
-def cores(real):
+def core_stop_funcs(real):
     """(reached, alone, stopped). reached(gap, way, m, rig): 1 where the core of shape A of row m counts, -1 of B, 0 none; gap,
     way [m]: between the shapes, and how much nearer their frames come. alone(posed, side, m, rig): both shapes with the core
     in the place of its shape. stopped(mm, n, c, r): a manifold with the core at c, of radius |r|, as a point; r < 0: the core
     is that of B. n: normal along which it touches."""
-    t, Rig, Manifold, Posed = types(real), whole(real), manifold(real), posing(real)[0]
+    t, Rig, Manifold, Posed = types(real), rig_type(real), manifold_type(real), posed_pair_type(real)[0]
 
     @wp.func
-    def reached(gap: real, way: real, m: int, rig: Rig):
+    def core_side_in_reach(gap: real, way: real, m: int, rig: Rig):
         a = rig.c.a[m]
         b = rig.c.b[m]
         found = int(0)
@@ -55,7 +55,7 @@ def cores(real):
         return found
 
     @wp.func(inline=False)
-    def alone(p: Posed, side: int, m: int, rig: Rig):
+    def pose_of_core_alone(p: Posed, side: int, m: int, rig: Rig):
         out = p
         i = wp.where(side > 0, rig.c.a[m], rig.c.b[m])
         core = rig.s.core[i]
@@ -72,7 +72,7 @@ def cores(real):
         return out
 
     @wp.func
-    def beside(mm: Manifold, c: t.vec3, deep: real):
+    def core_beside_manifold(mm: Manifold, c: t.vec3, deep: real):
         """Whether the core is not above the points of a manifold, or one of them is deep."""
         mean = t.vec3()
         for i in range(4):
@@ -90,9 +90,9 @@ def cores(real):
         return found
 
     @wp.func(inline=False)
-    def stopped(mm: Manifold, n: t.vec3, c: t.vec3, r: real):
+    def stop_core_by_manifold(mm: Manifold, n: t.vec3, c: t.vec3, r: real):
         out = mm
-        if mm.count > 0 and wp.dot(mm.n, n) > real(ALONG) and beside(mm, c, real(HIT) * wp.abs(r)):
+        if mm.count > 0 and wp.dot(mm.n, n) > real(ALONG) and core_beside_manifold(mm, c, real(HIT) * wp.abs(r)):
             way = wp.sign(r) * mm.n
             gap = wp.dot(way, c - mm.x[0]) + real(0.5) * mm.gap[0] - wp.abs(r)
             i = int(mm.count)
@@ -108,18 +108,19 @@ def cores(real):
             out.key[i] = CORE
         return out
 
-    return reached, alone, stopped
+    return core_side_in_reach, pose_of_core_alone, stop_core_by_manifold
 
 
 @cache
 def cores_on_meshes(real):
     """Function (m, posed, twist, h, surfaces, rig): the core of a shape becomes a point of the rows of its pair with a mesh,
     from m on and in A's frame, if it would come to a triangle within a substep."""
-    t, Rig, Manifold, Posed, Surfaces = types(real), whole(real), manifold(real), posing(real)[0], surfaces(real)
-    Twist, seen, stopped = meeting(real).Twist, relative(real), cores(real)[2]
+    t, Rig, Manifold, Posed, Surfaces = (types(real), rig_type(real), manifold_type(real), posed_pair_type(real)[0],
+                                         mesh_type(real))
+    Twist, seen, stopped = twist_functions(real).Twist, relative_pose_func(real), core_stop_funcs(real)[2]
 
     @wp.func
-    def ahead(p: Posed, both: Twist, time: real, core: t.vec4, S: Surfaces):
+    def triangle_ahead_of_core(p: Posed, both: Twist, time: real, core: t.vec4, S: Surfaces):
         """Normal of the triangle to which the core comes, in A's frame; 0: none."""
         R, c = seen(p.pose_a, p.pose_b)
         start = c + R * t.vec3(core[0], core[1], core[2])
@@ -137,9 +138,9 @@ def cores_on_meshes(real):
                     n = wp.where(S.sided[p.b.row] == 1, t.vec3(), -n)
         return wp.transpose(R) * n
 
-    @called
+    @standalone_function
     @wp.func
-    def block(m: int, p: Posed, both: Twist, h: real, S: Surfaces, rig: Rig):
+    def block_core_by_mesh(m: int, p: Posed, both: Twist, h: real, S: Surfaces, rig: Rig):
         core = rig.s.core[rig.c.a[m]]
         n = t.vec3()
         gap = real(0.0)
@@ -147,7 +148,7 @@ def cores_on_meshes(real):
             if j % 4 < rig.c.count[j // 4]:
                 gap = wp.min(gap, rig.c.gap[j])
         if gap + core[3] < h * wp.length(both.v_a - both.v_b):
-            n = ahead(p, both, real(LATER) * h, core, S)
+            n = triangle_ahead_of_core(p, both, real(LATER) * h, core, S)
         best = real(ALONG)
         row = int(-1)
         rows = int(ROWS)
@@ -170,4 +171,4 @@ def cores_on_meshes(real):
                 rig.c.gap[4 * row + i] = mm.gap[i]
                 rig.c.key[4 * row + i] = mm.key[i]
 
-    return block
+    return block_core_by_mesh

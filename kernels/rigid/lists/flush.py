@@ -15,20 +15,20 @@ when the substep begins: tiles that rise together are as flush as tiles that sta
 
 import warp as wp
 
-from wsim.kernels.contact.shape import BOX, PLANE
+from wsim.kernels.contact.collider.shape import BOX, PLANE
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls, shape, support
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.narrow.shape import MESH, hull_type, shape_extent_funcs, shape_type, support_map_func
 
 FLUSH = wp.constant(1.0e-3)            # of the size: steps lower than that are none
 SLOPE = wp.constant(5.0e-3)            # by which the plane, often that of a face of the body, may lean against J
 SAME = wp.constant(2.0e-5)             # sine of the angle up to which two normals are equal: more would push a ball off a seam
 
 
-def flush(kinds: frozenset[str], real, module):
+def flush_seam_kernels(kinds: frozenset[str], real, module):
     """Kernel over the rows of a list, behind those that make manifolds; kinds: of colliders."""
-    t, Rig, Shape, Hulls = types(real), whole(real), shape(real), hulls(real)
-    farthest, radius = support(kinds, real), extent(real)[0]
+    t, Rig, Shape, Hulls = types(real), rig_type(real), shape_type(real), hull_type(real)
+    farthest, radius = support_map_func(kinds, real), shape_extent_funcs(real)[0]
 
     @wp.func
     def collider_pose(i: int, k: int, rig: Rig):
@@ -46,14 +46,14 @@ def flush(kinds: frozenset[str], real, module):
         return real(2.0) * (d[3] * wp.cross(u, v) + wp.cross(u, wp.cross(u, v)))
 
     @wp.func
-    def normal(i: int, k: int, rig: Rig):
+    def flush_row_normal(i: int, k: int, rig: Rig):
         n = rig.c.n[i]
         if rig.still.moving == 1:
             n += turn_change(n, i, k, rig)
         return n
 
     @wp.func
-    def foot(i: int, j: int, k: int, rig: Rig):
+    def point_on_collider(i: int, j: int, k: int, rig: Rig):
         """Point j of row i on the collider, from the origin of the body."""
         x = rig.c.from_a[i] + rig.c.first_a[j] - (rig.c.gap[j] + rig.c.skin[i][0]) * rig.c.n[i]
         if rig.still.moving == 1:
@@ -64,9 +64,9 @@ def flush(kinds: frozenset[str], real, module):
         return x
 
     @wp.func
-    def height(i: int, e: int, k: int, H: Hulls, rig: Rig):
+    def height_above_row(i: int, e: int, k: int, H: Hulls, rig: Rig):
         """How far the collider of row e reaches above the plane of row i, both of one shape of a body."""
-        n = normal(i, k, rig)
+        n = flush_row_normal(i, k, rig)
         b = rig.c.b[e]
         pose = collider_pose(e, k, rig) * rig.s.place[b]
         away = rig.s.origin[rig.s.frame[b]] - rig.s.origin[rig.s.frame[rig.c.a[i]]]
@@ -81,19 +81,19 @@ def flush(kinds: frozenset[str], real, module):
             s.row = rig.s.row[b]
             s.size = rig.s.size[b]
             top = wp.dot(farthest(s, H, d), d) + radius(s)
-        return wp.dot(n, center - foot(i, 4 * i, k, rig)) + top
+        return wp.dot(n, center - point_on_collider(i, 4 * i, k, rig)) + top
 
     @wp.func
-    def below(i: int, m: int, k: int, low: real, rig: Rig):
+    def row_lies_below(i: int, m: int, k: int, low: real, rig: Rig):
         """Whether the points of row m lie below the plane of row i."""
-        n = normal(i, k, rig)
+        n = flush_row_normal(i, k, rig)
         found = bool(True)
         for e in range(rig.c.count[m]):
-            found = found and wp.dot(n, foot(m, 4 * m + e, k, rig) - foot(i, 4 * i, k, rig)) <= low
+            found = found and wp.dot(n, point_on_collider(m, 4 * m + e, k, rig) - point_on_collider(i, 4 * i, k, rig)) <= low
         return found
 
     @wp.func(inline=False)
-    def hidden(m: int, k: int, H: Hulls, rig: Rig):
+    def collider_is_hidden(m: int, k: int, H: Hulls, rig: Rig):
         """Whether the collider of row m lies below the plane of another row of the same shape."""
         a = rig.c.a[m]
         found = bool(False)
@@ -105,11 +105,11 @@ def flush(kinds: frozenset[str], real, module):
         more = bool(True)
         while more:
             if rig.c.b[i] != rig.c.b[m] and rig.c.count[i] > 0 and rig.s.frame[rig.c.b[i]] >= rig.b.w.shape[0]:
-                n = normal(i, k, rig)
-                v = normal(m, k, rig)
+                n = flush_row_normal(i, k, rig)
+                v = flush_row_normal(m, k, rig)
                 other = wp.dot(n, v) < real(0.0) or wp.length(wp.cross(n, v)) > real(SAME)
-                if other and below(i, m, k, low, rig):
-                    if height(i, m, k, H, rig) <= low + lean and height(m, i, k, H, rig) > low:
+                if other and row_lies_below(i, m, k, low, rig):
+                    if height_above_row(i, m, k, H, rig) <= low + lean and height_above_row(m, i, k, H, rig) > low:
                         found = True
             i += 1
             more = i < rig.c.a.shape[0] and not found
@@ -122,7 +122,7 @@ def flush(kinds: frozenset[str], real, module):
         if rig.c.a[m] >= 0 and rig.work.renewed[m] == 1 and rig.c.count[m] > 0:
             b = rig.c.b[m]
             if rig.s.kind[b] != PLANE and rig.s.frame[b] >= rig.b.w.shape[0]:
-                if hidden(m, k, H, rig):
+                if collider_is_hidden(m, k, H, rig):
                     rig.work.renewed[m] = 2
 
     def rigid_drop(rig: Rig):

@@ -19,28 +19,28 @@ TIE = wp.constant(1.0e-3)              # part of a size by which a later point m
 
 
 @cache
-def manifold(real):
+def manifold_type(real):
     """Struct of a manifold; all of it in one frame, that of A or one of A's origin and the world's axes."""
     t = types(real)
 
     @wp.struct
-    class Manifold:
+    class ContactManifold:
         n: t.vec3
         count: int                           # points, 0 to 4
         x: wp.types.matrix((4, 3), real)     # rows [m]
         gap: t.vec4                          # [m]
         key: wp.vec4i
 
-    return Manifold
+    return ContactManifold
 
 
 @cache
-def making(real):
+def manifold_makers(real):
     """(single, flipped, turned): a manifold of one point; seen from B; with its vectors turned into another frame."""
-    t, Manifold = types(real), manifold(real)
+    t, Manifold = types(real), manifold_type(real)
 
     @wp.func
-    def single(n: t.vec3, x: t.vec3, gap: real, key: int):
+    def one_point_manifold(n: t.vec3, x: t.vec3, gap: real, key: int):
         m = Manifold()
         m.n = n
         m.count = 1
@@ -50,7 +50,7 @@ def making(real):
         return m
 
     @wp.func
-    def flipped(m: Manifold, origin: t.vec3):
+    def flip_manifold(m: Manifold, origin: t.vec3):
         """Of (B, A), as (A, B) has it: the normal turned over, places from an origin that lies at `origin`."""
         f = Manifold()
         f.n = -m.n
@@ -63,7 +63,7 @@ def making(real):
         return f
 
     @wp.func
-    def turned(m: Manifold, R: t.mat33):
+    def turn_manifold(m: Manifold, R: t.mat33):
         f = Manifold()
         f.n = R * m.n
         f.count = m.count
@@ -74,24 +74,24 @@ def making(real):
                 f.x[i] = R * m.x[i]
         return f
 
-    return single, flipped, turned
+    return one_point_manifold, flip_manifold, turn_manifold
 
 
 @cache
-def reduction(real, outer: bool = False):
+def manifold_reduction_func(real, outer: bool = False):
     """Function (n, x, gap, key, count, size) -> Manifold: at most four of `count` points.
 
     x, gap, key: arrays of the thread; size [m]: of the smaller body, by which ties are told. outer: of equally deep points the
     one farthest from the axis along n through the origin is the first, a corner of their outline whatever the order."""
-    t, Manifold = types(real), manifold(real)
+    t, Manifold = types(real), manifold_type(real)
 
     @wp.func
-    def area(n: t.vec3, o: t.vec3, a: t.vec3, p: t.vec3):
+    def doubled_triangle_area(n: t.vec3, o: t.vec3, a: t.vec3, p: t.vec3):
         """Twice the signed area of the triangle o a p, seen against n."""
         return wp.dot(n, wp.cross(a - o, p - o))
 
     @wp.func
-    def outermost(n: t.vec3, x: wp.array(dtype=t.vec3), count: int):
+    def outermost_point(n: t.vec3, x: wp.array(dtype=t.vec3), count: int):
         best = int(0)
         most = real(0.0)
         for i in range(count):
@@ -102,7 +102,7 @@ def reduction(real, outer: bool = False):
         return best
 
     @wp.func
-    def deepest(gap: wp.array(dtype=real), count: int, o: int, tie: real):
+    def deepest_manifold_point(gap: wp.array(dtype=real), count: int, o: int, tie: real):
         best = int(o)
         for i in range(count):
             if gap[i] < gap[best] - tie:
@@ -110,7 +110,7 @@ def reduction(real, outer: bool = False):
         return best
 
     @wp.func
-    def farthest(n: t.vec3, x: wp.array(dtype=t.vec3), count: int, o: int):
+    def farthest_manifold_point(n: t.vec3, x: wp.array(dtype=t.vec3), count: int, o: int):
         best = int(o)
         most = real(0.0)
         for i in range(count):
@@ -123,36 +123,36 @@ def reduction(real, outer: bool = False):
         return best
 
     @wp.func
-    def widest(n: t.vec3, x: wp.array(dtype=t.vec3), count: int, o: int, a: int, side: real):
+    def widest_manifold_point(n: t.vec3, x: wp.array(dtype=t.vec3), count: int, o: int, a: int, side: real):
         """The point that is farthest to one side of the line o a."""
         best = int(-1)
         most = real(0.0)
         for i in range(count):
-            wide = side * area(n, x[o], x[a], x[i])
+            wide = side * doubled_triangle_area(n, x[o], x[a], x[i])
             if i != o and i != a and wide > most * (real(1.0) + real(TIE)):
                 most = wide
                 best = i
         return best, most
 
     @wp.func
-    def fourth(n: t.vec3, x: wp.array(dtype=t.vec3), count: int, chosen: wp.vec4i, turn: real):
+    def fourth_manifold_point(n: t.vec3, x: wp.array(dtype=t.vec3), count: int, chosen: wp.vec4i, turn: real):
         """The point that adds most to the triangle of the three chosen, of orientation `turn`."""
         best = int(-1)
         most = real(0.0)
         for i in range(count):
             if i != chosen[0] and i != chosen[1] and i != chosen[2]:
                 p = x[i]
-                more = wp.max(-turn * area(n, x[chosen[0]], x[chosen[1]], p),
-                              wp.max(-turn * area(n, x[chosen[1]], x[chosen[2]], p),
-                                     -turn * area(n, x[chosen[2]], x[chosen[0]], p)))
+                more = wp.max(-turn * doubled_triangle_area(n, x[chosen[0]], x[chosen[1]], p),
+                              wp.max(-turn * doubled_triangle_area(n, x[chosen[1]], x[chosen[2]], p),
+                                     -turn * doubled_triangle_area(n, x[chosen[2]], x[chosen[0]], p)))
                 if more > most * (real(1.0) + real(TIE)):
                     most = more
                     best = i
         return best
 
     @wp.func(inline=False)
-    def reduce(n: t.vec3, x: wp.array(dtype=t.vec3), gap: wp.array(dtype=real), key: wp.array(dtype=int), count: int,
-               size: real):
+    def reduce_to_four_points(n: t.vec3, x: wp.array(dtype=t.vec3), gap: wp.array(dtype=real), key: wp.array(dtype=int),
+                              count: int, size: real):
         chosen = wp.vec4i(0, 1, 2, 3)
         m = Manifold()
         m.n = n
@@ -160,11 +160,11 @@ def reduction(real, outer: bool = False):
         if count > 4:
             first = int(0)
             if outer:
-                first = outermost(n, x, count)
-            chosen[0] = deepest(gap, count, first, real(TIE) * size)
-            chosen[1] = farthest(n, x, count, chosen[0])
-            left, more = widest(n, x, count, chosen[0], chosen[1], real(1.0))
-            right, less = widest(n, x, count, chosen[0], chosen[1], real(-1.0))
+                first = outermost_point(n, x, count)
+            chosen[0] = deepest_manifold_point(gap, count, first, real(TIE) * size)
+            chosen[1] = farthest_manifold_point(n, x, count, chosen[0])
+            left, more = widest_manifold_point(n, x, count, chosen[0], chosen[1], real(1.0))
+            right, less = widest_manifold_point(n, x, count, chosen[0], chosen[1], real(-1.0))
             turn = real(1.0)
             if less > more * (real(1.0) + real(TIE)):
                 left = right
@@ -173,7 +173,7 @@ def reduction(real, outer: bool = False):
             chosen[3] = -1
             m.count = 2
             if left >= 0:
-                chosen[3] = fourth(n, x, count, chosen, turn)
+                chosen[3] = fourth_manifold_point(n, x, count, chosen, turn)
                 m.count = 3
                 if chosen[3] >= 0:
                     m.count = 4
@@ -184,4 +184,4 @@ def reduction(real, outer: bool = False):
                 m.key[i] = key[chosen[i]]
         return m
 
-    return reduce
+    return reduce_to_four_points

@@ -7,7 +7,7 @@ Of shapes i < j: not both of colliders, not of one body, of one world (or all), 
 and boxes about them that overlap, which Warp's trees find: one of the shapes of bodies, built anew each time, one of colliders,
 built once if they stand. A thread takes shape i of a body and counts, then, behind a scan, writes its partners and sorts them:
 the list is sorted, and the same from run to run. What has no end (planes) is no leaf; all try it, by the height above it.
-A body that goes farther than its way, after a blow, says so (`straying`): then the list is made anew before its time.
+A body that goes farther than its way, after a blow, says so (`body_straying_func`): then the list is made anew before its time.
 Places are float64 sums of the bodies' origins and displacements; boxes are float32, from the first origin, and widened by what
 that rounds.
 """
@@ -16,10 +16,10 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import BOX
+from wsim.kernels.contact.collider.shape import BOX
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.math.rotation import rotation_to_matrix
+from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.narrow.shape import MESH
 
 ROWS = wp.constant(8)              # of a pair with a mesh: manifolds, as many normals
@@ -28,10 +28,10 @@ SLACK = wp.constant(0.02)          # part of a ball's radius within which shapes
 
 
 @cache
-def trees(filtered: bool = False):
+def shape_tree_type(filtered: bool = False):
     """Struct of the trees of boxes [m] and of the shapes that have no end; filtered: and of what does not touch."""
     @wp.struct
-    class Tree:
+    class ShapeTree:
         id: wp.uint64                          # of shapes of bodies
         still: wp.uint64                       # of colliders; 0: none
         low: wp.array(dtype=wp.vec3f)          # of all shapes, bodies' first
@@ -52,35 +52,35 @@ def trees(filtered: bool = False):
         first: wp.array(dtype=int)             # shapes that a shape does not touch besides, and the end
         parted: wp.array(dtype=int)
 
-    return FilteredTree if filtered else Tree
+    return FilteredTree if filtered else ShapeTree
 
 
-def parting(filtered: bool):
+def pair_filter_func(filtered: bool):
     """Function: whether shapes i and j are kept from touching."""
-    Tree = trees(filtered)
+    Tree = shape_tree_type(filtered)
     if not filtered:
         @wp.func
-        def parted(i: int, j: int, tree: Tree):
+        def pair_is_filtered(i: int, j: int, tree: Tree):
             return False
     else:
         @wp.func
-        def parted(i: int, j: int, tree: Tree):
+        def pair_is_filtered(i: int, j: int, tree: Tree):
             found = bool(tree.apart[tree.group[i], tree.group[j]] == 1)
             for e in range(tree.first[i], tree.first[i + 1]):
                 if tree.parted[e] == j:
                     found = True
             return found
-    return parted
+    return pair_is_filtered
 
 
-def reach(real, module, filtered: bool = False):
+def shape_reach_kernel(real, module, filtered: bool = False):
     """Kernel of the centre, (ball, way) of every shape from `first` on: where it has no end, its ball is < 0. Also notes where
     bodies are. Colliders go as they are animated: they need no slack, and one may be a landscape."""
-    t, Tree = types(real), trees(filtered)
-    Rig = whole(real)
+    t, Tree = types(real), shape_tree_type(filtered)
+    Rig = rig_type(real)
 
     @wp.func
-    def fastest(c: int, ball: real, rig: Rig):
+    def fastest_collider_speed(c: int, ball: real, rig: Rig):
         """Largest speed of a point of a collider in the frame [m/s]."""
         speed = real(0.0)
         for r in range(rig.still.v.shape[0]):
@@ -105,7 +105,7 @@ def reach(real, module, filtered: bool = False):
             row = k * rig.still.moving
             x = rig.still.x[row, f - n]
             q = rig.still.q[row, f - n]
-            way = time * fastest(f - n, rig.s.ball[i], rig)
+            way = time * fastest_collider_speed(f - n, rig.s.ball[i], rig)
         rig.work.from_x[f] = x
         rig.work.from_q[f] = q
         p = x + wp.quat_rotate(q, wp.transform_get_translation(rig.s.place[i]))
@@ -117,12 +117,12 @@ def reach(real, module, filtered: bool = False):
         ball = rig.s.ball[i]
         half = t.vec3(ball, ball, ball)
         if rig.s.kind[i] == BOX or rig.s.kind[i] == MESH:
-            R = matrix(q * wp.transform_get_rotation(rig.s.place[i]))
+            R = rotation_to_matrix(q * wp.transform_get_rotation(rig.s.place[i]))
             half = t.vec3(wp.dot(wp.abs(R[0]), rig.s.size[i]), wp.dot(wp.abs(R[1]), rig.s.size[i]),
                           wp.dot(wp.abs(R[2]), rig.s.size[i]))
         if ball < real(0.0):
             half = t.vec3()
-            R = matrix(q * wp.transform_get_rotation(rig.s.place[i]))
+            R = rotation_to_matrix(q * wp.transform_get_rotation(rig.s.place[i]))
             tree.up[i] = wp.vec3f(wp.float32(R[0, 2]), wp.float32(R[1, 2]), wp.float32(R[2, 2]))
         from_first = rig.work.center[i] - rig.s.origin[0]
         at = wp.vec3f(wp.float32(from_first[0]), wp.float32(from_first[1]), wp.float32(from_first[2]))
@@ -135,12 +135,12 @@ def reach(real, module, filtered: bool = False):
 
 
 @cache
-def straying(real):
+def body_straying_func(real):
     """Function (i, h, rig): says whether body i, where it is, or is after another substep of h [s], is beyond its way."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def stray(i: int, h: real, rig: Rig):
+    def mark_strayed_body(i: int, h: real, rig: Rig):
         if rig.work.asleep[i] == 0 and rig.work.way.shape[0] > 0:
             q = rig.now.q[i]
             d = q - rig.work.from_q[i]
@@ -152,10 +152,10 @@ def straying(real):
             if goes > rig.work.way[i]:
                 rig.work.strayed[0] = 1
 
-    return stray
+    return mark_strayed_body
 
 
-def summed(module):
+def prefix_sum_kernel(module):
     """Kernel of one thread: first_out[i] is the sum of count[0] .. count[i]."""
     def rigid_summed(count: wp.array(dtype=int), first_out: wp.array(dtype=int)):
         sum = int(0)
@@ -166,13 +166,13 @@ def summed(module):
     return wp.kernel(rigid_summed, name="rigid_summed", module=module, enable_backward=False)
 
 
-def listed(real, module, filtered: bool = False):
+def pair_list_kernel(real, module, filtered: bool = False):
     """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room.
     filtered: less those that do not touch."""
-    Rig, Tree, parted = whole(real), trees(filtered), parting(filtered)
+    Rig, Tree, parted = rig_type(real), shape_tree_type(filtered), pair_filter_func(filtered)
 
     @wp.func(inline=False)
-    def above(i: int, j: int, tree: Tree, rig: Rig):
+    def shape_above_plane(i: int, j: int, tree: Tree, rig: Rig):
         """Whether shape i is near enough to plane j; one that moves may turn."""
         d = rig.work.center[i] - rig.work.center[j]
         n = tree.up[j]
@@ -181,7 +181,7 @@ def listed(real, module, filtered: bool = False):
         return rig.still.moving == 1 or real(height) < more
 
     @wp.func(inline=False)
-    def near(i: int, j: int, tree: Tree, rig: Rig):
+    def shapes_may_meet(i: int, j: int, tree: Tree, rig: Rig):
         bodies = rig.b.w.shape[0]
         fi = rig.s.frame[i]
         fj = rig.s.frame[j]
@@ -192,15 +192,15 @@ def listed(real, module, filtered: bool = False):
         one = rig.work.span[i]
         other = rig.work.span[j]
         if other[0] < real(0.0):
-            return above(i, j, tree, rig)
+            return shape_above_plane(i, j, tree, rig)
         return real(wp.length(rig.work.center[i] - rig.work.center[j])) < one[0] + one[1] + other[0] + other[1]
 
     @wp.func
-    def take(i: int, j: int, at: int, write: int, tree: Tree, rig: Rig):
+    def append_pair_rows(i: int, j: int, at: int, write: int, tree: Tree, rig: Rig):
         """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
-            if near(i, j, tree, rig) and not parted(i, j, tree):
+            if shapes_may_meet(i, j, tree, rig) and not parted(i, j, tree):
                 taken = 1
                 if rig.s.kind[j] == MESH:
                     taken = ROWS
@@ -211,7 +211,7 @@ def listed(real, module, filtered: bool = False):
         return taken
 
     @wp.func
-    def sort(first: int, last: int, b: wp.array(dtype=int)):
+    def sort_partners(first: int, last: int, b: wp.array(dtype=int)):
         """By insertion: partners of one shape are few."""
         for m in range(first + 1, last):
             j = int(b[m])
@@ -230,7 +230,7 @@ def listed(real, module, filtered: bool = False):
             at = first[i - 1]
         shapes = first.shape[0]
         for e in range(tree.endless.shape[0]):
-            found += take(i, tree.endless[e], at + found, write, tree, rig)
+            found += append_pair_rows(i, tree.endless[e], at + found, write, tree, rig)
         ids = int(2)
         for which in range(ids):
             id = tree.id
@@ -242,12 +242,12 @@ def listed(real, module, filtered: bool = False):
                 while wp.bvh_query_next(query, e):
                     j = e + which * shapes
                     if rig.work.span[j][0] >= real(0.0):
-                        found += take(i, j, at + found, write, tree, rig)
+                        found += append_pair_rows(i, j, at + found, write, tree, rig)
         room = rig.c.a.shape[0]
         if write == 0:
             count[i] = found
         else:
-            sort(at, wp.min(at + found, room), rig.c.b)
+            sort_partners(at, wp.min(at + found, room), rig.c.b)
             if i == shapes - 1:
                 wanted[0] = wp.max(wanted[0], at + found)
                 for m in range(at + found, room):

@@ -22,10 +22,10 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.contact.shape import CAPSULE, CONE, CYLINDER, SPHERE
+from wsim.kernels.contact.collider.shape import CAPSULE, CONE, CYLINDER, SPHERE
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.lists.rows import posing
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.lists.rows import posed_pair_type
 
 STALE, FINE = wp.constant(1.0e-3), wp.constant(1.0e-5)       # part of L: more, a tilting box slides off its old corners
 BRIEF = wp.constant(0.005)             # of L: how much nearer bodies may come in a substep without the time of impact
@@ -36,12 +36,12 @@ LATER = wp.constant(1.05)              # of a substep: what touches later is lef
 
 
 @cache
-def needing(real):
+def manifold_need_func(real):
     """Function (m, k, rig) -> whether the manifold of row m is to be made again where substep k begins."""
-    t, Rig = types(real), whole(real)
+    t, Rig = types(real), rig_type(real)
 
     @wp.func
-    def is_round(kind: int):
+    def shape_is_rolling(kind: int):
         return kind == SPHERE or kind == CAPSULE or kind == CYLINDER or kind == CONE
 
     @wp.func
@@ -66,7 +66,7 @@ def needing(real):
         return real(2.0) * wp.length(d)
 
     @wp.func
-    def reach(shape: int, L: real, rig: Rig):
+    def surface_turn_arm(shape: int, L: real, rig: Rig):
         """Distance over which a turn moves the surface of a shape; of what has no end, L."""
         s = wp.length(wp.transform_get_translation(rig.s.place[shape]))
         if rig.s.ball[shape] < real(0.0):
@@ -76,40 +76,41 @@ def needing(real):
         return s
 
     @wp.func(inline=False)
-    def needed(m: int, k: int, rig: Rig):
+    def manifold_is_stale(m: int, k: int, rig: Rig):
         a = rig.c.a[m]
         b = rig.c.b[m]
         L = rig.s.ball[a]
         if L < real(0.0) or (rig.s.ball[b] > real(0.0) and rig.s.ball[b] < L):
             L = rig.s.ball[b]
         part = real(STALE)
-        if is_round(rig.s.kind[a]) or is_round(rig.s.kind[b]):
+        if shape_is_rolling(rig.s.kind[a]) or shape_is_rolling(rig.s.kind[b]):
             part = real(FINE)
         x_a, q_a = frame_pose(rig.s.frame[a], k, rig)
         x_b, q_b = frame_pose(rig.s.frame[b], k, rig)
         moved = wp.length((x_a - rig.c.from_a[m]) - (x_b - rig.c.from_b[m]))
-        moved += turned_by(q_a, rig.c.turn_a[m]) * reach(a, L, rig) + turned_by(q_b, rig.c.turn_b[m]) * reach(b, L, rig)
+        moved += (turned_by(q_a, rig.c.turn_a[m]) * surface_turn_arm(a, L, rig) + turned_by(q_b, rig.c.turn_b[m])
+                  * surface_turn_arm(b, L, rig))
         return moved > part * L
 
-    return needed
+    return manifold_is_stale
 
 
 @cache
-def meeting(real) -> SimpleNamespace:
+def twist_functions(real) -> SimpleNamespace:
     """Twist: velocities of both frames of a row. twist(m, k, h, rig) -> Twist; advanced(posed, twist, time, m, rig) -> Posed
     that much later; hurried(twist, h, m, rig) -> whether the time of impact is asked for; margin(twist, h, m, posed, rig) ->
     gap up to which points are kept; closing(n, x, twist, posed) -> rate at which a gap grows."""
-    t, Rig, Posed = types(real), whole(real), posing(real)[0]
+    t, Rig, Posed = types(real), rig_type(real), posed_pair_type(real)[0]
 
     @wp.struct
-    class Twist:
+    class PairTwist:
         v_a: t.vec3
         v_b: t.vec3
         o_a: t.vec3
         o_b: t.vec3
 
     @wp.func
-    def velocity(f: int, k: int, h: real, rig: Rig):
+    def mean_frame_velocity(f: int, k: int, h: real, rig: Rig):
         """Of a frame, in the mean of the substep if nothing touches it."""
         n = rig.b.w.shape[0]
         v = t.vec3()
@@ -124,10 +125,10 @@ def meeting(real) -> SimpleNamespace:
         return v, o
 
     @wp.func(inline=False)
-    def twist(m: int, k: int, h: real, rig: Rig):
-        v_a, o_a = velocity(rig.s.frame[rig.c.a[m]], k, h, rig)
-        v_b, o_b = velocity(rig.s.frame[rig.c.b[m]], k, h, rig)
-        both = Twist()
+    def pair_twist(m: int, k: int, h: real, rig: Rig):
+        v_a, o_a = mean_frame_velocity(rig.s.frame[rig.c.a[m]], k, h, rig)
+        v_b, o_b = mean_frame_velocity(rig.s.frame[rig.c.b[m]], k, h, rig)
+        both = PairTwist()
         both.v_a = v_a
         both.o_a = o_a
         both.v_b = v_b
@@ -135,7 +136,7 @@ def meeting(real) -> SimpleNamespace:
         return both
 
     @wp.func
-    def turn(q: t.quat, o: t.vec3, time: real):
+    def turn_for_time(q: t.quat, o: t.vec3, time: real):
         out = q
         angle = time * wp.length(o)
         if angle > real(0.0):
@@ -143,11 +144,11 @@ def meeting(real) -> SimpleNamespace:
         return out
 
     @wp.func(inline=False)
-    def advanced(p: Posed, both: Twist, time: real, m: int, rig: Rig):
+    def advance_posed_pair(p: Posed, both: PairTwist, time: real, m: int, rig: Rig):
         out = p
         if time > real(0.0):
-            out.q_a = turn(p.q_a, both.o_a, time)
-            out.q_b = turn(p.q_b, both.o_b, time)
+            out.q_a = turn_for_time(p.q_a, both.o_a, time)
+            out.q_b = turn_for_time(p.q_b, both.o_b, time)
             out.x_b = p.x_b + time * (both.v_b - both.v_a)
             out.from_a = p.from_a + time * both.v_a
             out.from_b = p.from_b + time * both.v_b
@@ -156,11 +157,11 @@ def meeting(real) -> SimpleNamespace:
         return out
 
     @wp.func
-    def extent(shape: int, rig: Rig):
+    def shape_turn_extent(shape: int, rig: Rig):
         return wp.length(wp.transform_get_translation(rig.s.place[shape])) + wp.max(rig.s.ball[shape], real(0.0))
 
     @wp.func
-    def size(m: int, rig: Rig):
+    def smaller_shape_size(m: int, rig: Rig):
         """L: the smaller size of what has an end."""
         a = rig.s.ball[rig.c.a[m]]
         b = rig.s.ball[rig.c.b[m]]
@@ -170,30 +171,30 @@ def meeting(real) -> SimpleNamespace:
         return L
 
     @wp.func
-    def travel(both: Twist, h: real, m: int, rig: Rig):
+    def approach_in_substep(both: PairTwist, h: real, m: int, rig: Rig):
         """How much nearer the shapes of row m may come in a substep [m]."""
-        speed = wp.length(both.v_a - both.v_b) + wp.length(both.o_a) * extent(rig.c.a[m], rig)
-        speed += wp.length(both.o_b) * extent(rig.c.b[m], rig)
+        speed = wp.length(both.v_a - both.v_b) + wp.length(both.o_a) * shape_turn_extent(rig.c.a[m], rig)
+        speed += wp.length(both.o_b) * shape_turn_extent(rig.c.b[m], rig)
         return h * speed
 
     @wp.func
-    def hurried(both: Twist, h: real, m: int, rig: Rig):
-        return travel(both, h, m, rig) > real(BRIEF) * size(m, rig)
+    def asks_time_of_impact(both: PairTwist, h: real, m: int, rig: Rig):
+        return approach_in_substep(both, h, m, rig) > real(BRIEF) * smaller_shape_size(m, rig)
 
     @wp.func
-    def margin(both: Twist, h: real, m: int, posed: Posed, rig: Rig):
+    def kept_gap_margin(both: PairTwist, h: real, m: int, posed: Posed, rig: Rig):
         """Gap up to which points are kept [m]: what the next substeps can close before the manifold is made again."""
         near = posed.margin
         if h > real(0.0):
             balls = wp.max(rig.s.ball[rig.c.a[m]], real(0.0)) + wp.max(rig.s.ball[rig.c.b[m]], real(0.0))
             if rig.s.frame[rig.c.b[m]] >= rig.b.w.shape[0]:
                 balls = wp.max(rig.s.ball[rig.c.a[m]], real(0.0))
-            near = wp.min(near, real(MARGIN) * balls + real(2.0) * travel(both, h, m, rig))
+            near = wp.min(near, real(MARGIN) * balls + real(2.0) * approach_in_substep(both, h, m, rig))
         return near
 
     @wp.func
-    def closing(n: t.vec3, x: t.vec3, both: Twist, p: Posed):
+    def closing_speed(n: t.vec3, x: t.vec3, both: PairTwist, p: Posed):
         return wp.dot(n, both.v_a + wp.cross(both.o_a, x) - both.v_b - wp.cross(both.o_b, x - p.x_b))
 
-    return SimpleNamespace(Twist=Twist, twist=twist, advanced=advanced, hurried=hurried, margin=margin, closing=closing,
-                           size=size)
+    return SimpleNamespace(Twist=PairTwist, twist=pair_twist, advanced=advance_posed_pair, hurried=asks_time_of_impact,
+                           margin=kept_gap_margin, closing=closing_speed, size=smaller_shape_size)

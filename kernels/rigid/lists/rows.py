@@ -11,23 +11,23 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.contact.shape import CONE, CYLINDER
+from wsim.kernels.contact.collider.shape import CONE, CYLINDER
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import structs, whole
+from wsim.kernels.rigid.contact import rig_type, rigid_contact_structs
 from wsim.kernels.rigid.lists.pairs import ROWS
-from wsim.kernels.rigid.narrow.shape import FLAT, MESH, shape
+from wsim.kernels.rigid.narrow.shape import FLAT, MESH, shape_type
 
 ROUND = wp.constant(0.99)              # cosine: a point of a round surface lies where the normal says
 AXIS = wp.constant(1.0e-5)             # of the rim: a core lies on the axis
 
 
 @cache
-def lasts(real):
+def last_list_type(real):
     """Struct of the list before: pairs (room,), sorted, -1 behind the last; keys and impulses (4 room,)."""
     t = types(real)
 
     @wp.struct
-    class Last:
+    class LastManifolds:
         a: wp.array(dtype=int)
         b: wp.array(dtype=int)
         count: wp.array(dtype=int)
@@ -37,12 +37,12 @@ def lasts(real):
         rub: wp.array(dtype=t.vec3)
         drift: wp.array(dtype=t.vec3)
 
-    return Last
+    return LastManifolds
 
 
-def keeping(real, module):
+def list_memory_kernel(real, module):
     """Kernel over the rows of a list that keeps what the next list asks for."""
-    Contacts, Last, keep = structs(real)[2], lasts(real), keep_row(real)
+    Contacts, Last, keep = rigid_contact_structs(real)[2], last_list_type(real), keep_row_func(real)
 
     def rigid_keep(c: Contacts, last: Last):
         keep(wp.tid(), c, last)
@@ -51,12 +51,12 @@ def keeping(real, module):
 
 
 @cache
-def keep_row(real):
+def keep_row_func(real):
     """Function (m, contacts, last): row m becomes the same row of the last list."""
-    Contacts, Last = structs(real)[2], lasts(real)
+    Contacts, Last = rigid_contact_structs(real)[2], last_list_type(real)
 
     @wp.func
-    def keep_row(m: int, c: Contacts, last: Last):
+    def copy_row_to_last(m: int, c: Contacts, last: Last):
         last.a[m] = c.a[m]
         last.b[m] = c.b[m]
         last.count[m] = c.count[m]
@@ -69,17 +69,17 @@ def keep_row(real):
             last.rub[j] = c.rub[j]
             last.drift[j] = c.drift[j]
 
-    return keep_row
+    return copy_row_to_last
 
 
 @cache
-def posing(real):
+def posed_pair_type(real):
     """(Posed, posed): struct of the two shapes of a row, with their poses from the centre of A's body, axes of the world; the
     function (m, k, rig) -> Posed, as they are where substep k begins."""
-    t, Rig, Shape = types(real), whole(real), shape(real)
+    t, Rig, Shape = types(real), rig_type(real), shape_type(real)
 
     @wp.struct
-    class Posed:
+    class PosedPair:
         a: Shape
         b: Shape
         pose_a: t.transform
@@ -92,7 +92,7 @@ def posing(real):
         margin: real
 
     @wp.func
-    def solid(i: int, rig: Rig):
+    def convex_shape_of(i: int, rig: Rig):
         a = Shape()
         a.kind = rig.s.kind[i]
         a.row = rig.s.row[i]
@@ -100,7 +100,7 @@ def posing(real):
         return a
 
     @wp.func
-    def framed(f: int, k: int, rig: Rig):
+    def frame_pose_from_origin(f: int, k: int, rig: Rig):
         """Pose of a frame from its own origin."""
         x = t.vec3()
         q = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
@@ -114,18 +114,18 @@ def posing(real):
         return t.transform(x, q)
 
     @wp.func(inline=False)
-    def posed(m: int, k: int, rig: Rig):
+    def pose_pair_of_row(m: int, k: int, rig: Rig):
         a = rig.c.a[m]
         b = rig.c.b[m]
         f = rig.s.frame[a]
         g = rig.s.frame[b]
-        frame_a = framed(f, k, rig)
-        frame_b = framed(g, k, rig)
+        frame_a = frame_pose_from_origin(f, k, rig)
+        frame_b = frame_pose_from_origin(g, k, rig)
         away = rig.s.origin[g] - rig.s.origin[f]
         apart = t.vec3(real(away[0]), real(away[1]), real(away[2])) - wp.transform_get_translation(frame_a)
-        p = Posed()
-        p.a = solid(a, rig)
-        p.b = solid(b, rig)
+        p = PosedPair()
+        p.a = convex_shape_of(a, rig)
+        p.b = convex_shape_of(b, rig)
         p.q_a = wp.transform_get_rotation(frame_a)
         p.q_b = wp.transform_get_rotation(frame_b)
         p.x_b = wp.transform_get_translation(frame_b) + apart
@@ -136,17 +136,17 @@ def posing(real):
         p.margin = rig.work.span[a][1] + rig.work.span[b][1]
         return p
 
-    return Posed, posed
+    return PosedPair, pose_pair_of_row
 
 
 @cache
-def writing(real) -> SimpleNamespace:
+def row_writing_funcs(real) -> SimpleNamespace:
     """known(m, last, rig) -> first row of the last list with the pair of row m, or -1. point(m, i, x, gap, row, posed, last,
     rig): point i of row m, whose normal and key are there. poses(m, posed, rig): what the gaps of row m count from."""
-    t, Rig, Last, Posed = types(real), whole(real), lasts(real), posing(real)[0]
+    t, Rig, Last, Posed = types(real), rig_type(real), last_list_type(real), posed_pair_type(real)[0]
 
     @wp.func(inline=False)
-    def known(m: int, last: Last, rig: Rig):
+    def find_pair_in_last(m: int, last: Last, rig: Rig):
         a = rig.c.a[m]
         b = rig.c.b[m]
         low = int(0)
@@ -168,7 +168,7 @@ def writing(real) -> SimpleNamespace:
         return row
 
     @wp.func(inline=False)
-    def recalled(m: int, j: int, row: int, q: t.quat, last: Last, rig: Rig):
+    def recall_point_impulses(m: int, j: int, row: int, q: t.quat, last: Last, rig: Rig):
         """Impulses and the drift of point j of row m, as the pair's rows of the last list have them; q: of B's frame."""
         rig.c.push[j] = real(0.0)
         rig.c.rub[j] = t.vec3()
@@ -215,7 +215,7 @@ def writing(real) -> SimpleNamespace:
         return core, rim
 
     @wp.func
-    def point(m: int, i: int, x: t.vec3, gap: real, row: int, posed: Posed, last: Last, rig: Rig):
+    def write_manifold_point(m: int, i: int, x: t.vec3, gap: real, row: int, posed: Posed, last: Last, rig: Rig):
         j = 4 * m + i
         n = rig.c.n[m]
         half = real(0.5)
@@ -229,14 +229,14 @@ def writing(real) -> SimpleNamespace:
         rig.c.rim[j] = t.vec2(rim_a, rim_b)
         rig.c.core_a[j] = core_a
         rig.c.core_b[j] = core_b
-        recalled(m, j, row, posed.q_b, last, rig)
+        recall_point_impulses(m, j, row, posed.q_b, last, rig)
 
     @wp.func
-    def poses(m: int, posed: Posed, rig: Rig):
+    def note_manifold_poses(m: int, posed: Posed, rig: Rig):
         """Notes for which poses row m is made."""
         rig.c.from_a[m] = posed.from_a
         rig.c.from_b[m] = posed.from_b
         rig.c.turn_a[m] = posed.q_a
         rig.c.turn_b[m] = posed.q_b
 
-    return SimpleNamespace(known=known, point=point, poses=poses)
+    return SimpleNamespace(known=find_pair_in_last, point=write_manifold_point, poses=note_manifold_poses)

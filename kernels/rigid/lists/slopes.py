@@ -7,24 +7,24 @@ differences of order 4. A point is known by its key again; where it is not there
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.lists.rows import posing
-from wsim.kernels.rigid.narrow.pair import narrow
-from wsim.kernels.rigid.narrow.shape import hulls
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.lists.rows import posed_pair_type
+from wsim.kernels.rigid.narrow.pair import narrow_phase_func
+from wsim.kernels.rigid.narrow.shape import hull_type
 
 SAMPLES = wp.constant(48)          # 12 directions of 4
 
 
-def slopes(pairs, real, module):
+def pose_slope_kernel(pairs, real, module):
     """Kernel over (rows, SAMPLES): n and x (4 rows, SAMPLES), gap with 1 where it is there (4 rows, SAMPLES). step: a part of
     sizes. size (rows): of the smaller shape [m], the gap up to which points are kept [m], and a turn [rad] that moves points by
     that size at most."""
     t = types(real)
-    Rig, Hulls = whole(real), hulls(real)
-    found, posed = narrow(pairs, real), posing(real)[1]
+    Rig, Hulls = rig_type(real), hull_type(real)
+    found, posed = narrow_phase_func(pairs, real), posed_pair_type(real)[1]
 
     @wp.func
-    def nudged(pose: t.transform, about: t.vec3, d: int, much: real, turn: real):
+    def nudged_pose(pose: t.transform, about: t.vec3, d: int, much: real, turn: real):
         """A pose moved along axis d, or turned about it through a place."""
         axis = t.vec3()
         axis[d % 3] = real(1.0)
@@ -49,9 +49,9 @@ def slopes(pairs, real, module):
             much = steps * step * size[m][0]
             turn = steps * step * size[m][2]
             if d < 6:
-                pose_a = nudged(pose_a, t.vec3(), d, much, turn)
+                pose_a = nudged_pose(pose_a, t.vec3(), d, much, turn)
             else:
-                pose_b = nudged(pose_b, p.x_b, d - 6, much, turn)
+                pose_b = nudged_pose(pose_b, p.x_b, d - 6, much, turn)
             f = found(p.a, p.b, H, pose_a, pose_b, size[m][1])
             for i in range(4):
                 at = 4 * m + i

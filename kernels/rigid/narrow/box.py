@@ -12,20 +12,20 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.clip import structs
+from wsim.kernels.rigid.narrow.clip import clip_types
 
 EDGE = wp.constant(1.0e-4)              # of the smaller box's diagonal: twenty times what rounds in float32 at SINE
 SINE = wp.constant(3.0e-3)
 
 
 @cache
-def box(real):
+def box_pair_func(real):
     """Function (a, b, R, p) -> Nearest, half edges a and b, B in the pose (R, p) in A's frame; key -1 where faces touch."""
-    t, Nearest = types(real), structs(real).Nearest
+    t, Nearest = types(real), clip_types(real).Nearest
     vec3, mat33 = t.vec3, t.mat33
 
     @wp.func(inline=False)
-    def faces(a: vec3, b: vec3, R: mat33, p: vec3):
+    def best_face_axis(a: vec3, b: vec3, R: mat33, p: vec3):
         """(greatest s, axis 0 to 2 of A, 3 to 5 of B)."""
         best = int(0)
         most = real(-1.0e30)
@@ -45,7 +45,7 @@ def box(real):
         return most, best
 
     @wp.func(inline=False)
-    def edges(a: vec3, b: vec3, R: mat33, p: vec3):
+    def best_edge_axis(a: vec3, b: vec3, R: mat33, p: vec3):
         """(greatest s, 3 i + j of the axis A_i x B_j, the axis)."""
         best = int(-1)
         most = real(-1.0e30)
@@ -68,7 +68,7 @@ def box(real):
         return most, best, axis
 
     @wp.func
-    def corner(half: vec3, d: vec3, free: int):
+    def farthest_box_edge(half: vec3, d: vec3, free: int):
         """Middle of the edge along axis `free` that is farthest along d, and its number among the four."""
         c = vec3(wp.where(d[0] < real(0.0), -half[0], half[0]), wp.where(d[1] < real(0.0), -half[1], half[1]),
                  wp.where(d[2] < real(0.0), -half[2], half[2]))
@@ -79,12 +79,12 @@ def box(real):
         return c, number
 
     @wp.func
-    def crossing(a: vec3, b: vec3, R: mat33, p: vec3, n: vec3, k: int):
+    def edge_crossing_point(a: vec3, b: vec3, R: mat33, p: vec3, n: vec3, k: int):
         """Midpoint of the two edges where they are nearest, and their number."""
         i = k // 3
         j = k % 3
-        A, na = corner(a, -n, i)
-        B, nb = corner(b, wp.transpose(R) * n, j)
+        A, na = farthest_box_edge(a, -n, i)
+        B, nb = farthest_box_edge(b, wp.transpose(R) * n, j)
         e = vec3()
         e[i] = real(1.0)
         v = vec3(R[0, j], R[1, j], R[2, j])
@@ -96,15 +96,15 @@ def box(real):
         return real(0.5) * (A + s * e + o + u * v), 536870912 + (k * 4 + na) * 4 + nb
 
     @wp.func(inline=False)
-    def box(a: vec3, b: vec3, R: mat33, p: vec3):
+    def nearest_of_boxes(a: vec3, b: vec3, R: mat33, p: vec3):
         near = Nearest()
-        most, best = faces(a, b, R, p)
+        most, best = best_face_axis(a, b, R, p)
         n = vec3()
         if best < 3:
             n[best] = real(1.0)
         else:
             n = vec3(R[0, best - 3], R[1, best - 3], R[2, best - 3])
-        edge, k, axis = edges(a, b, R, p)
+        edge, k, axis = best_edge_axis(a, b, R, p)
         near.key = -1
         near.gap = most
         if edge > most + real(EDGE) * wp.min(wp.length(a), wp.length(b)):
@@ -114,9 +114,9 @@ def box(real):
             n = -n
         near.n = n
         if near.gap > most:
-            x, key = crossing(a, b, R, p, n, k)
+            x, key = edge_crossing_point(a, b, R, p, n, k)
             near.x = x
             near.key = key
         return near
 
-    return box
+    return nearest_of_boxes

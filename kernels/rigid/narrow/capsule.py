@@ -12,26 +12,26 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.eigen import rounding
+from wsim.kernels.math.eigen import machine_epsilon
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.clip import structs
+from wsim.kernels.rigid.narrow.clip import clip_types
 
 
 @cache
-def finishing(real):
+def nearest_point_funcs(real):
     """(aside, nearest): a unit vector across d; Nearest of two places of the cores a and b."""
-    t, Nearest = types(real), structs(real).Nearest
+    t, Nearest = types(real), clip_types(real).Nearest
     vec3 = t.vec3
 
     @wp.func
-    def aside(d: vec3):
+    def unit_vector_across(d: vec3):
         k = int(wp.argmin(wp.abs(d)))
         e = vec3()
         e[k] = real(1.0)
         return wp.normalize(wp.cross(d, e))
 
     @wp.func
-    def nearest(a: vec3, b: vec3, n: vec3, apart: real, radii: t.vec2, key: int):
+    def nearest_from_cores(a: vec3, b: vec3, n: vec3, apart: real, radii: t.vec2, key: int):
         near = Nearest()
         near.n = n
         near.gap = apart - radii[0] - radii[1]
@@ -39,18 +39,18 @@ def finishing(real):
         near.key = key
         return near
 
-    return aside, nearest
+    return unit_vector_across, nearest_from_cores
 
 
 @cache
-def capsules(real):
+def capsule_pair_func(real):
     """Function (size_a, size_b, R, p) -> Nearest of two capsules, B in the pose (R, p) in A's frame."""
     t = types(real)
     vec3 = t.vec3
-    aside, nearest = finishing(real)
+    aside, nearest = nearest_point_funcs(real)
 
     @wp.func(inline=False)
-    def segments(a: vec3, b: vec3, r: vec3):
+    def closest_segment_places(a: vec3, b: vec3, r: vec3):
         """(s, t) of the nearest places of s a and r + t b, |a|, |b| > 0."""
         one = real(1.0)
         aa = wp.dot(a, a)
@@ -61,7 +61,7 @@ def capsules(real):
         cross = wp.cross(a, b)
         D = wp.dot(cross, cross)
         s = wp.clamp(ar / aa, -one, one)
-        if D > rounding(one) * aa * bb:
+        if D > machine_epsilon(one) * aa * bb:
             s = wp.clamp((ar * bb - ab * br) / D, -one, one)
         u = (s * ab - br) / bb
         if u > one or u < -one:
@@ -70,10 +70,10 @@ def capsules(real):
         return s, wp.clamp((s * ab - br) / bb, -one, one)
 
     @wp.func(inline=False)
-    def capsules(size_a: vec3, size_b: vec3, R: t.mat33, p: vec3):
+    def nearest_of_capsules(size_a: vec3, size_b: vec3, R: t.mat33, p: vec3):
         a = vec3(real(0.0), real(0.0), wp.max(size_a[1], real(1.0e-6) * size_a[0]))
         b = wp.max(size_b[1], real(1.0e-6) * size_b[0]) * vec3(R[0, 2], R[1, 2], R[2, 2])
-        s, u = segments(a, b, p)
+        s, u = closest_segment_places(a, b, p)
         pa = s * a
         pb = p + u * b
         v = pa - pb
@@ -82,35 +82,35 @@ def capsules(real):
         if wp.length(n) <= real(1.0e-3) * wp.length(a) * wp.length(b):
             n = aside(a)
         n = wp.normalize(n)
-        if apart > real(8.0) * rounding(apart) * (wp.length(p) + a[2]):
+        if apart > real(8.0) * machine_epsilon(apart) * (wp.length(p) + a[2]):
             n = v / apart
         elif wp.dot(n, p) > real(0.0):
             n = -n
         return nearest(pa, pb, n, apart, t.vec2(size_a[0], size_b[0]), 0)
 
-    return capsules
+    return nearest_of_capsules
 
 
 @cache
-def box_capsule(real):
+def box_capsule_func(real):
     """Function (half, size, R, p) -> Nearest of a box A of half edges `half` and a capsule B in the pose (R, p) there."""
-    t, Nearest = types(real), structs(real).Nearest
+    t, Nearest = types(real), clip_types(real).Nearest
     vec3 = t.vec3
-    _aside, nearest = finishing(real)
+    _aside, nearest = nearest_point_funcs(real)
 
     @wp.func
-    def beyond(half: vec3, q: vec3):
+    def excess_beyond_box(half: vec3, q: vec3):
         return vec3(q[0] - wp.clamp(q[0], -half[0], half[0]), q[1] - wp.clamp(q[1], -half[1], half[1]),
                     q[2] - wp.clamp(q[2], -half[2], half[2]))
 
     @wp.func(inline=False)
-    def place(half: vec3, p: vec3, d: vec3):
+    def segment_place_near_box(half: vec3, p: vec3, d: vec3):
         """t of the place of the segment nearest to the box."""
         one = real(1.0)
         low = -one
         high = one
-        at_low = wp.dot(d, beyond(half, p - d))
-        at_high = wp.dot(d, beyond(half, p + d))
+        at_low = wp.dot(d, excess_beyond_box(half, p - d))
+        at_high = wp.dot(d, excess_beyond_box(half, p + d))
         found = low
         if at_high <= real(0.0) and at_low < real(0.0):
             found = high
@@ -122,7 +122,7 @@ def box_capsule(real):
                 if wp.abs(d[i]) > real(0.0):
                     u = (side - p[i]) / d[i]
                     if u > low and u < high:
-                        slope = wp.dot(d, beyond(half, p + u * d))
+                        slope = wp.dot(d, excess_beyond_box(half, p + u * d))
                         if slope < real(0.0):
                             low = u
                             at_low = slope
@@ -133,7 +133,7 @@ def box_capsule(real):
         return found
 
     @wp.func(inline=False)
-    def inside(half: vec3, p: vec3, d: vec3):
+    def segment_box_penetration(half: vec3, p: vec3, d: vec3):
         """(depth, outward axis) of the least way out of the box; a face, unless an edge is less by 1e-4 of the size."""
         best = vec3()
         least = real(1.0e30)
@@ -157,7 +157,7 @@ def box_capsule(real):
         return least, best
 
     @wp.func(inline=False)
-    def middle(half: vec3, p: vec3, d: vec3):
+    def segment_middle_in_box(half: vec3, p: vec3, d: vec3):
         """Middle of what of the segment is in the box."""
         low = real(-1.0)
         high = real(1.0)
@@ -170,21 +170,21 @@ def box_capsule(real):
         return p + (real(0.5) * (low + high)) * d
 
     @wp.func(inline=False)
-    def box_capsule(half: vec3, size: vec3, R: t.mat33, p: vec3):
+    def nearest_box_capsule(half: vec3, size: vec3, R: t.mat33, p: vec3):
         d = size[1] * vec3(R[0, 2], R[1, 2], R[2, 2])
-        u = place(half, p, d)
+        u = segment_place_near_box(half, p, d)
         q = p + u * d
-        e = beyond(half, q)
+        e = excess_beyond_box(half, q)
         apart = wp.length(e)
         near = Nearest()
-        if apart > real(8.0) * rounding(apart) * (wp.length(half) + wp.length(p)):
+        if apart > real(8.0) * machine_epsilon(apart) * (wp.length(half) + wp.length(p)):
             near = nearest(q - e, q, -e / apart, apart, t.vec2(real(0.0), size[0]), 0)
         else:
-            depth, L = inside(half, p, d)
-            q = middle(half, p, d)
+            depth, L = segment_box_penetration(half, p, d)
+            q = segment_middle_in_box(half, p, d)
             if wp.abs(wp.dot(L, d)) > real(1.0e-3) * size[1]:           # an end is deepest
                 q = p - wp.sign(wp.dot(L, d)) * d
             near = nearest(q + depth * L, q, -L, -depth, t.vec2(real(0.0), size[0]), 0)
         return near
 
-    return box_capsule
+    return nearest_box_capsule

@@ -19,9 +19,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.math.marks import called, scratch
+from wsim.kernels.math.marks import scratch, standalone_function
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
+from wsim.kernels.rigid.lists.manifold import manifold_makers, manifold_reduction_func, manifold_type
 
 BIAS = wp.constant(1.0e-3)              # of the size: nearer, a face touches rather than an edge
 SLACK = wp.constant(1.0e-4)             # of the size: so far beyond a side a corner still is inside
@@ -33,35 +33,35 @@ SIDES = wp.constant(32)                 # edges from here on are sides of the re
 
 
 @cache
-def structs(real) -> SimpleNamespace:
+def clip_types(real) -> SimpleNamespace:
     """Side: a face of one of the two. Nearest: the nearest places of both."""
     t = types(real)
 
     @wp.struct
-    class Side:
+    class ContactFace:
         count: int                      # corners
         number: int
         f: t.vec3                       # outward unit normal; 0: none
         r: real                         # radius all around [m]
 
     @wp.struct
-    class Nearest:
+    class NearestPlaces:
         n: t.vec3
         gap: real
         x: t.vec3                       # midpoint
         key: int                        # of the one point; -1: places unknown, faces only
 
-    return SimpleNamespace(Side=Side, Nearest=Nearest)
+    return SimpleNamespace(Side=ContactFace, Nearest=NearestPlaces)
 
 
 @cache
-def cutting(real):
+def face_clipping_funcs(real):
     """(side, polygon, segment): functions that clip P, with the labels of its corners, by a reference Q of `count` corners."""
     t = types(real)
     vec3, vec3s, ints = t.vec3, wp.array(dtype=t.vec3), wp.array(dtype=int)
 
     @wp.func
-    def side(Q: vec3s, count: int, f: vec3, s: int):
+    def side_plane_normal(Q: vec3s, count: int, f: vec3, s: int):
         """Outward unit normal of side s; of a segment its two ends."""
         e = Q[(s + 1) % count] - Q[s]
         n = wp.normalize(wp.cross(e, f))
@@ -70,7 +70,7 @@ def cutting(real):
         return n
 
     @wp.func(inline=False)
-    def half(P: vec3s, key: ints, edge: ints, room: wp.vec4i, q: vec3, n: vec3, slack: real):
+    def clip_by_half_space(P: vec3s, key: ints, edge: ints, room: wp.vec4i, q: vec3, n: vec3, slack: real):
         """One cut. room: (first corner read, first written, corners, side) -> corners left."""
         left = int(0)
         for i in range(room[2]):
@@ -91,7 +91,7 @@ def cutting(real):
         return left
 
     @wp.func
-    def polygon(Q: vec3s, count: int, f: vec3, P: vec3s, key: ints, edge: ints, corners: wp.vec2i, slack: real):
+    def clip_polygon(Q: vec3s, count: int, f: vec3, P: vec3s, key: ints, edge: ints, corners: wp.vec2i, slack: real):
         """corners: (of P, most of it) -> (first corner, corners left)."""
         first = int(0)
         left = int(corners[0])
@@ -101,19 +101,20 @@ def cutting(real):
         for s in range(count):
             if left > 0:
                 other = corners[1] - first
-                left = half(P, key, edge, wp.vec4i(first, other, left, s), Q[s], side(Q, count, f, s), slack)
+                left = clip_by_half_space(P, key, edge, wp.vec4i(first, other, left, s), Q[s],
+                                          side_plane_normal(Q, count, f, s), slack)
                 first = other
         return first, left
 
     @wp.func(inline=False)
-    def segment(Q: vec3s, count: int, f: vec3, P: vec3s, key: ints, slack: real):
+    def clip_segment(Q: vec3s, count: int, f: vec3, P: vec3s, key: ints, slack: real):
         low = real(0.0)
         high = real(1.0)
         key[0] = WHOLE
         key[1] = 64 + WHOLE
         e = P[1] - P[0]
         for s in range(count):
-            n = side(Q, count, f, s)
+            n = side_plane_normal(Q, count, f, s)
             da = wp.dot(P[0] - Q[s], n)
             db = wp.dot(P[1] - Q[s], n)
             if da > slack and db > slack:
@@ -131,16 +132,16 @@ def cutting(real):
         P[0] = start + low * e                     # += of an array is an atomic addition, which a GPU has not on local memory
         return wp.where(low <= high, 2, 0)
 
-    return side, polygon, segment
+    return side_plane_normal, clip_polygon, clip_segment
 
 
 @cache
-def measuring(real):
+def clipped_gap_func(real):
     """Function (Q, count, f, P, key, first, points, radii) -> points whose gap is within the margin, at the start of P."""
     t = types(real)
 
     @wp.func
-    def apart(P: wp.array(dtype=t.vec3), count: int, q: t.vec3, f: t.vec3):
+    def least_height_over_face(P: wp.array(dtype=t.vec3), count: int, q: t.vec3, f: t.vec3):
         """Least height of the corners P over the plane through q."""
         least = wp.dot(P[0] - q, f)
         for i in range(1, count):
@@ -148,8 +149,8 @@ def measuring(real):
         return least
 
     @wp.func
-    def heights(q: t.vec3, f: t.vec3, P: wp.array(dtype=t.vec3), gap: wp.array(dtype=real), key: wp.array(dtype=int),
-                room: wp.vec3i, radii: t.vec3):
+    def gaps_over_reference(q: t.vec3, f: t.vec3, P: wp.array(dtype=t.vec3), gap: wp.array(dtype=real),
+                            key: wp.array(dtype=int), room: wp.vec3i, radii: t.vec3):
         """room: (first, points, what is above the features' number); radii: (reference, other, margin). P becomes midpoints."""
         kept = int(0)
         for i in range(room[1]):
@@ -163,22 +164,22 @@ def measuring(real):
                 kept += 1
         return kept
 
-    return apart, heights
+    return least_height_over_face, gaps_over_reference
 
 
 @cache
-def contact(real, corners: int, outer: bool = False):
+def face_manifold_func(real, corners: int, outer: bool = False):
     """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten.
-    outer: see `reduction`."""
-    t, Manifold, of = types(real), manifold(real), structs(real)
+    outer: see `manifold_reduction_func`."""
+    t, Manifold, of = types(real), manifold_type(real), clip_types(real)
     Side, Nearest, vec3s = of.Side, of.Nearest, wp.array(dtype=t.vec3)
-    _side, polygon, segment = cutting(real)
-    apart, heights = measuring(real)
-    single, _flipped, _turned = making(real)
-    reduce, most = reduction(real, outer), 2 * corners
+    _side, polygon, segment = face_clipping_funcs(real)
+    apart, heights = clipped_gap_func(real)
+    single, _flipped, _turned = manifold_makers(real)
+    reduce, most = manifold_reduction_func(real, outer), 2 * corners
 
     @wp.func(inline=False)
-    def clipped(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):
+    def manifold_of_clipped_face(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):
         key = scratch(shape=(wp.static(2 * most),), dtype=int)
         edge = scratch(shape=(wp.static(2 * most),), dtype=int)
         gap = scratch(shape=(wp.static(2 * most),), dtype=real)
@@ -197,7 +198,7 @@ def contact(real, corners: int, outer: bool = False):
         return reduce(n, P, gap, key, left, size)
 
     @wp.func
-    def along(PA: vec3s, a: Side, PB: vec3s, b: Side, n: t.vec3):
+    def segments_are_parallel(PA: vec3s, a: Side, PB: vec3s, b: Side, n: t.vec3):
         """Whether two segments lie along one another."""
         u = wp.normalize(PA[1] - PA[0])
         v = wp.normalize(PB[1] - PB[0])
@@ -205,7 +206,7 @@ def contact(real, corners: int, outer: bool = False):
                 and a.count == 2 and b.count == 2)
 
     @wp.func(inline=False)
-    def reference(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, size: real):
+    def choose_reference_face(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, size: real):
         """0: the face or the segment of A, 1: the face of B, -1: none touches flat."""
         low = near.gap - real(BIAS) * size
         by_a = low - size
@@ -228,15 +229,15 @@ def contact(real, corners: int, outer: bool = False):
             which = 0
         elif by_b >= low:
             which = 1
-        elif along(PA, a, PB, b, near.n):
+        elif segments_are_parallel(PA, a, PB, b, near.n):
             which = 0
         return which
 
-    @called
+    @standalone_function
     @wp.func
-    def contact(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, margin: real, size: real):
+    def face_contact_manifold(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, margin: real, size: real):
         m = Manifold()
-        which = reference(PA, a, PB, b, near, size)
+        which = choose_reference_face(PA, a, PB, b, near, size)
         ref = a
         other = b
         if which == 1:                                          # one call: inlined thrice, a GPU compiles for long
@@ -250,7 +251,7 @@ def contact(real, corners: int, outer: bool = False):
         if ref.count == 2:
             ref.f = -near.n
         if which >= 0:
-            m = clipped(PA, ref, PB, other, which, margin, size)
+            m = manifold_of_clipped_face(PA, ref, PB, other, which, margin, size)
         if near.key >= 0 and near.gap <= margin:
             deepest = near.gap + real(2.0) * real(BIAS) * size
             for i in range(4):
@@ -260,4 +261,4 @@ def contact(real, corners: int, outer: bool = False):
                 m = single(near.n, near.x, near.gap, near.key)
         return m
 
-    return contact
+    return face_contact_manifold

@@ -15,11 +15,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.math.eigen import rounding
-from wsim.kernels.math.marks import called, scratch
+from wsim.kernels.math.eigen import machine_epsilon
+from wsim.kernels.math.marks import scratch, standalone_function
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.capsule import finishing
-from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
+from wsim.kernels.rigid.narrow.capsule import nearest_point_funcs
+from wsim.kernels.rigid.narrow.shape import hull_type, shape_extent_funcs, shape_type, support_map_func
 
 VERTICES = wp.constant(64)
 FACES = wp.constant(160)
@@ -29,14 +29,14 @@ NEVER = wp.constant(1.0e30)              # distance of a face that has no normal
 
 
 @cache
-def polytope(real) -> SimpleNamespace:
+def polytope_functions(real) -> SimpleNamespace:
     """Functions on a polytope: vertices V, faces F of three in the order of their outward normals N, distances D."""
     t = types(real)
     vec3, vec3s, reals, threes, twos = (t.vec3, wp.array(dtype=t.vec3), wp.array(dtype=real), wp.array(dtype=wp.vec3i),
                                         wp.array(dtype=wp.vec2i))
 
     @wp.func(inline=False)
-    def put(V: vec3s, F: threes, N: vec3s, D: reals, slot: int, f: wp.vec3i, tiny: real):
+    def set_polytope_face(V: vec3s, F: threes, N: vec3s, D: reals, slot: int, f: wp.vec3i, tiny: real):
         a = V[f[0]]
         b = V[f[1]]
         c = V[f[2]]
@@ -50,7 +50,7 @@ def polytope(real) -> SimpleNamespace:
             D[slot] = wp.dot(n, a + b + c) / (real(3.0) * long)
 
     @wp.func
-    def horizon(E: twos, count: int, i: int, j: int):
+    def update_horizon_edges(E: twos, count: int, i: int, j: int):
         """The edge i j of a face that goes; two faces that go leave none between them."""
         found = int(-1)
         for e in range(count):
@@ -67,7 +67,7 @@ def polytope(real) -> SimpleNamespace:
         return left
 
     @wp.func(inline=False)
-    def remove(F: threes, N: vec3s, D: reals, E: twos, faces: int, w: vec3, pushed: int, tiny: real):
+    def remove_visible_faces(F: threes, N: vec3s, D: reals, E: twos, faces: int, w: vec3, pushed: int, tiny: real):
         """(faces, edges) left."""
         left = int(faces)
         edges = int(0)
@@ -75,9 +75,9 @@ def polytope(real) -> SimpleNamespace:
             f = faces - 1 - k
             if wp.dot(N[f], w) > D[f] + tiny or f == pushed:
                 corners = F[f]
-                edges = horizon(E, edges, corners[0], corners[1])
-                edges = horizon(E, edges, corners[1], corners[2])
-                edges = horizon(E, edges, corners[2], corners[0])
+                edges = update_horizon_edges(E, edges, corners[0], corners[1])
+                edges = update_horizon_edges(E, edges, corners[1], corners[2])
+                edges = update_horizon_edges(E, edges, corners[2], corners[0])
                 left -= 1
                 F[f] = F[left]
                 N[f] = N[left]
@@ -85,7 +85,7 @@ def polytope(real) -> SimpleNamespace:
         return left, edges
 
     @wp.func
-    def nearest(D: reals, faces: int):
+    def nearest_polytope_face(D: reals, faces: int):
         best = int(0)
         for f in range(1, faces):
             if D[f] < D[best]:
@@ -93,7 +93,7 @@ def polytope(real) -> SimpleNamespace:
         return best
 
     @wp.func(inline=False)
-    def weights(V: vec3s, f: wp.vec3i, n: vec3, d: real):
+    def face_barycentrics(V: vec3s, f: wp.vec3i, n: vec3, d: real):
         """Of the corners of a face at the place n d of its plane, clamped to the face."""
         q = d * n
         a = wp.max(wp.dot(n, wp.cross(V[f[1]] - q, V[f[2]] - q)), real(0.0))
@@ -101,24 +101,25 @@ def polytope(real) -> SimpleNamespace:
         c = wp.max(wp.dot(n, wp.cross(V[f[0]] - q, V[f[1]] - q)), real(0.0))
         return vec3(a, b, c) / (a + b + c)
 
-    return SimpleNamespace(put=put, remove=remove, nearest=nearest, weights=weights)
+    return SimpleNamespace(put=set_polytope_face, remove=remove_visible_faces, nearest=nearest_polytope_face,
+                           weights=face_barycentrics)
 
 
 @cache
-def beginning(kinds: frozenset[str], real):
+def polytope_start_funcs(kinds: frozenset[str], real):
     """(far, tetrahedron): functions. far: place of D farthest along d, and where it is on A. """
-    t, Shape, Hulls = types(real), shape(real), hulls(real)
+    t, Shape, Hulls = types(real), shape_type(real), hull_type(real)
     vec3, vec3s = t.vec3, wp.array(dtype=t.vec3)
-    farthest = support(kinds, real)
-    aside, _nearest = finishing(real)
+    farthest = support_map_func(kinds, real)
+    aside, _nearest = nearest_point_funcs(real)
 
     @wp.func
-    def far(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
+    def minkowski_support(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
         pa = farthest(a, H, d)
         return pa - (R * farthest(b, H, -(wp.transpose(R) * d)) + p), pa
 
     @wp.func(inline=False)
-    def tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, start: vec3, V: vec3s, A: vec3s):
+    def first_tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, start: vec3, V: vec3s, A: vec3s):
         """V, A: four places, the fifth the way out of D if it is flat. Returns (f, height): outward there, of the four."""
         d = start
         o = vec3()
@@ -131,7 +132,7 @@ def beginning(kinds: frozenset[str], real):
                 d = aside(V[1] - V[0])
             if k == 4:
                 d = wp.normalize(wp.cross(V[1] - V[0], V[2] - V[0]))
-            w, pa = far(a, b, H, R, p, side * d)
+            w, pa = minkowski_support(a, b, H, R, p, side * d)
             if k < 2:
                 V[k] = w
                 A[k] = pa
@@ -161,27 +162,27 @@ def beginning(kinds: frozenset[str], real):
             A[2] = pa
         return o, wp.abs(height)
 
-    return far, tetrahedron
+    return minkowski_support, first_tetrahedron
 
 
 @cache
-def penetration(kinds: frozenset[str], real):
+def epa_penetration_func(kinds: frozenset[str], real):
     """Function (a, b, hulls, R, p, d) -> Nearest of two shapes whose cores overlap or touch; d: a first direction, not 0."""
-    t, Shape, Hulls, of = types(real), shape(real), hulls(real), polytope(real)
+    t, Shape, Hulls, of = types(real), shape_type(real), hull_type(real), polytope_functions(real)
     vec3 = t.vec3
-    radius, size = extent(real)
-    aside, nearest_of = finishing(real)
-    far, tetrahedron = beginning(kinds, real)
+    radius, size = shape_extent_funcs(real)
+    aside, nearest_of = nearest_point_funcs(real)
+    far, tetrahedron = polytope_start_funcs(kinds, real)
     put, remove, nearest, weights = of.put, of.remove, of.nearest, of.weights
 
     @wp.func(inline=False)
-    def expanded(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, V: wp.array(dtype=vec3), A: wp.array(dtype=vec3),
-                 radii: t.vec2):
+    def expand_polytope(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, V: wp.array(dtype=vec3), A: wp.array(dtype=vec3),
+                        radii: t.vec2):
         F = scratch(shape=(FACES,), dtype=wp.vec3i)
         N = scratch(shape=(FACES,), dtype=vec3)
         D = scratch(shape=(FACES,), dtype=real)
         E = scratch(shape=(EDGES,), dtype=wp.vec2i)
-        tiny = real(2.0) * rounding(radii[0]) * (size(a, H) + size(b, H))
+        tiny = real(2.0) * machine_epsilon(radii[0]) * (size(a, H) + size(b, H))
         faces = int(4)
         for k in range(faces):
             corners = wp.vec3i(0, 1, 2)
@@ -218,9 +219,9 @@ def penetration(kinds: frozenset[str], real):
             vertices += 1
         return nearest_of(pa, pa - depth * n, -n, -depth, radii, left)
 
-    @called
+    @standalone_function
     @wp.func
-    def penetration(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
+    def epa_nearest_places(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
         V = scratch(shape=(VERTICES,), dtype=vec3)
         A = scratch(shape=(VERTICES,), dtype=vec3)
         radii = t.vec2(radius(a), radius(b))
@@ -230,7 +231,7 @@ def penetration(kinds: frozenset[str], real):
         f, height = tetrahedron(a, b, H, R, p, start, V, A)
         near = nearest_of(A[4], A[4] - wp.dot(V[4], f) * f, -f, -wp.dot(V[4], f), radii, 0)
         if height > real(1.0e-5) * (size(a, H) + size(b, H)):
-            near = expanded(a, b, H, R, p, V, A, radii)
+            near = expand_polytope(a, b, H, R, p, V, A, radii)
         return near
 
-    return penetration
+    return epa_nearest_places

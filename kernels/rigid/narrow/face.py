@@ -9,11 +9,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER
-from wsim.kernels.math.eigen import rounding
-from wsim.kernels.math.marks import called
+from wsim.kernels.contact.collider.shape import BOX, CAPSULE, CONE, CYLINDER
+from wsim.kernels.math.eigen import machine_epsilon
+from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.shape import FLAT, HULL, TRIANGLE, hulls, shape
+from wsim.kernels.rigid.narrow.shape import FLAT, HULL, TRIANGLE, hull_type, shape_type
 
 ROUND = 8                                   # corners in a rim
 
@@ -21,10 +21,10 @@ ROUND = 8                                   # corners in a rim
 @cache
 def flat_faces(real):
     """(box, hull, triangle): functions (shape, hulls, d, P_out) -> (count, number, outward unit normal)."""
-    t, Shape, Hulls = types(real), shape(real), hulls(real)
+    t, Shape, Hulls = types(real), shape_type(real), hull_type(real)
 
     @wp.func(inline=False)
-    def box(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
+    def lowest_box_face(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         k = int(wp.argmax(wp.abs(d)))
         i = (k + 1) % 3
         j = (k + 2) % 3
@@ -40,14 +40,14 @@ def flat_faces(real):
         return 4, 2 * k + wp.where(side < real(0.0), 1, 0), n
 
     @wp.func(inline=False)
-    def hull(s: Shape, H: Hulls, d: t.vec3, P: wp.array(dtype=t.vec3)):
+    def lowest_hull_face(s: Shape, H: Hulls, d: t.vec3, P: wp.array(dtype=t.vec3)):
         low = H.first[s.row]
         for i in range(low + 1, H.first[s.row + 1]):
             if wp.dot(H.vertex[i], d) > wp.dot(H.vertex[low], d):
                 low = i
         best = int(-1)
         most = real(-2.0)
-        near = real(32.0) * rounding(real(1.0)) * H.size[s.row]
+        near = real(32.0) * machine_epsilon(real(1.0)) * H.size[s.row]
         for f in range(H.first_face[s.row], H.first_face[s.row + 1]):
             if H.offset[f] - wp.dot(H.normal[f], H.vertex[low]) <= near and wp.dot(H.normal[f], d) > most:
                 most = wp.dot(H.normal[f], d)
@@ -64,7 +64,7 @@ def flat_faces(real):
         return count, best, n
 
     @wp.func
-    def triangle(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
+    def facing_triangle(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         X = s.corners
         n = wp.normalize(wp.cross(X[1] - X[0], X[2] - X[0]))
         P[0] = X[0]
@@ -78,16 +78,16 @@ def flat_faces(real):
             side = 1
         return 3, side, n
 
-    return box, hull, triangle
+    return lowest_box_face, lowest_hull_face, facing_triangle
 
 
 @cache
 def round_faces(real):
     """(cylinder, cone): functions (shape, d, P_out) -> (count, number, normal), the normal 0 of a line."""
-    t, Shape = types(real), shape(real)
+    t, Shape = types(real), shape_type(real)
 
     @wp.func
-    def disc(d: t.vec3, rho: real, R: real, z: real, side: real, P: wp.array(dtype=t.vec3)):
+    def rim_polygon(d: t.vec3, rho: real, R: real, z: real, side: real, P: wp.array(dtype=t.vec3)):
         """Corners of a rim at the height z, turning about z as `side` says."""
         c = real(1.0)
         s = real(0.0)
@@ -101,14 +101,14 @@ def round_faces(real):
             P[k] = t.vec3(R * (c * ca - s * sa), R * (s * ca + c * sa), z)
 
     @wp.func
-    def outward(d: t.vec3, rho: real):
+    def outward_radial_unit(d: t.vec3, rho: real):
         u = t.vec3(real(1.0), real(0.0), real(0.0))
         if rho > real(0.0):
             u = t.vec3(d[0] / rho, d[1] / rho, real(0.0))
         return u
 
     @wp.func(inline=False)
-    def cylinder(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
+    def lowest_cylinder_face(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         rho = wp.sqrt(d[0] * d[0] + d[1] * d[1])
         n = t.vec3()
         count = int(2)
@@ -118,15 +118,15 @@ def round_faces(real):
             n[2] = side
             count = ROUND
             number = wp.where(d[2] < real(0.0), 1, 0)
-            disc(d, rho, s.size[0], side * s.size[1], side, P)
+            rim_polygon(d, rho, s.size[0], side * s.size[1], side, P)
         else:
-            u = s.size[0] * outward(d, rho)
+            u = s.size[0] * outward_radial_unit(d, rho)
             P[0] = t.vec3(u[0], u[1], -s.size[1])
             P[1] = t.vec3(u[0], u[1], s.size[1])
         return count, number, n
 
     @wp.func(inline=False)
-    def cone(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
+    def lowest_cone_face(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         rho = wp.sqrt(d[0] * d[0] + d[1] * d[1])
         R = s.size[0]
         H = s.size[1]
@@ -138,28 +138,28 @@ def round_faces(real):
             n[2] = real(-1.0)
             count = ROUND
             number = 1
-            disc(d, rho, R, -H, real(-1.0), P)
+            rim_polygon(d, rho, R, -H, real(-1.0), P)
         else:
-            u = R * outward(d, rho)
+            u = R * outward_radial_unit(d, rho)
             P[0] = t.vec3(u[0], u[1], -H)
             P[1] = t.vec3(real(0.0), real(0.0), H)
         return count, number, n
 
-    return cylinder, cone
+    return lowest_cylinder_face, lowest_cone_face
 
 
 @cache
-def face(kinds: frozenset[str], real):
+def support_face_func(kinds: frozenset[str], real):
     """Function (shape, hulls, d, P_out) -> (corners, number of the face, outward unit normal; 0 of a line or a point)."""
-    t, Shape, Hulls = types(real), shape(real), hulls(real)
+    t, Shape, Hulls = types(real), shape_type(real), hull_type(real)
     box, hull, triangle = flat_faces(real)
     cylinder, cone = round_faces(real)
     has_box, has_capsule, has_cylinder, has_cone, has_hull, has_triangle = (
         name in kinds for name in ("box", "capsule", "cylinder", "cone", "hull", "triangle"))
 
-    @called
+    @standalone_function
     @wp.func
-    def face(s: Shape, H: Hulls, d: t.vec3, P: wp.array(dtype=t.vec3)):
+    def support_face(s: Shape, H: Hulls, d: t.vec3, P: wp.array(dtype=t.vec3)):
         count = int(1)
         number = int(0)
         n = t.vec3()
@@ -186,4 +186,4 @@ def face(kinds: frozenset[str], real):
                 count, number, n = triangle(s, d, P)
         return count, number, n
 
-    return face
+    return support_face

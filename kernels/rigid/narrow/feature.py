@@ -13,23 +13,23 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import BOX
+from wsim.kernels.contact.collider.shape import BOX
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.shape import HULL, extent, hulls, shape
+from wsim.kernels.rigid.narrow.shape import HULL, hull_type, shape_extent_funcs, shape_type
 
 NEAR = wp.constant(1.0e-3)               # of the size: as `wsim.kernels.rigid.narrow.clip.BIAS`, below which a face touches
 PRIME = wp.constant(32749)               # the greatest below 2^15
 
 
 @cache
-def features(real):
+def feature_key_func(real):
     """Function (a, b, hulls, R, n) -> key of two shapes, b turned by R in A's frame, n from B to A; 0 unless each is a box or a
     hull, and one a hull (boxes number their edges themselves)."""
-    t, Shape, Hulls = types(real), shape(real), hulls(real)
-    _radius, size = extent(real)
+    t, Shape, Hulls = types(real), shape_type(real), hull_type(real)
+    _radius, size = shape_extent_funcs(real)
 
     @wp.func
-    def vertex(s: Shape, H: Hulls, i: int):
+    def polyhedron_vertex(s: Shape, H: Hulls, i: int):
         p = t.vec3()
         if s.kind == BOX:
             p = t.vec3(wp.where((i & 1) == 0, -s.size[0], s.size[0]), wp.where((i & 2) == 0, -s.size[1], s.size[1]),
@@ -39,27 +39,27 @@ def features(real):
         return p
 
     @wp.func
-    def feature(s: Shape, H: Hulls, d: t.vec3):
+    def support_feature_number(s: Shape, H: Hulls, d: t.vec3):
         count = int(8)
         if s.kind == HULL:
             count = H.first[s.row + 1] - H.first[s.row]
-        most = wp.dot(vertex(s, H, 0), d)
+        most = wp.dot(polyhedron_vertex(s, H, 0), d)
         for i in range(1, count):
-            most = wp.max(most, wp.dot(vertex(s, H, i), d))
+            most = wp.max(most, wp.dot(polyhedron_vertex(s, H, i), d))
         least = most - real(NEAR) * size(s, H)
         found = int(0)
         for i in range(count):
-            if wp.dot(vertex(s, H, i), d) >= least:
+            if wp.dot(polyhedron_vertex(s, H, i), d) >= least:
                 found = (31 * found + i + 1) % PRIME
         return found
 
     @wp.func(inline=False)
-    def features(a: Shape, b: Shape, H: Hulls, R: t.mat33, n: t.vec3):
+    def feature_pair_key(a: Shape, b: Shape, H: Hulls, R: t.mat33, n: t.vec3):
         key = int(0)
         corners = (a.kind == BOX or a.kind == HULL) and (b.kind == BOX or b.kind == HULL)
         if corners and (a.kind == HULL or b.kind == HULL):
-            code = feature(a, H, -n) * 32768 + feature(b, H, wp.transpose(R) * n)
+            code = support_feature_number(a, H, -n) * 32768 + support_feature_number(b, H, wp.transpose(R) * n)
             key = code - 1073741824 - 1073741824
         return key
 
-    return features
+    return feature_pair_key

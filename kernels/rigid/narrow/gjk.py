@@ -15,12 +15,12 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.math.eigen import rounding
+from wsim.kernels.math.eigen import machine_epsilon
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.capsule import finishing
-from wsim.kernels.rigid.narrow.clip import structs
-from wsim.kernels.rigid.narrow.epa import NEVER, RAN_OUT, penetration
-from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
+from wsim.kernels.rigid.narrow.capsule import nearest_point_funcs
+from wsim.kernels.rigid.narrow.clip import clip_types
+from wsim.kernels.rigid.narrow.epa import NEVER, RAN_OUT, epa_penetration_func
+from wsim.kernels.rigid.narrow.shape import hull_type, shape_extent_funcs, shape_type, support_map_func
 
 MOST = wp.constant(64)                   # steps; polyhedra take 3 to 10, two rims up to 30
 NEARLY = wp.constant(1.0e-2)             # of the sizes: further apart, a distance needs no proof by EPA
@@ -28,17 +28,17 @@ CLOSE = wp.constant(8.0)                 # roundings: the distance is known, or 
 
 
 @cache
-def simplex(real) -> SimpleNamespace:
+def simplex_functions(real) -> SimpleNamespace:
     """Functions of the nearest place to 0 of simplices: weights of four places, 0 of those that do not count."""
     t = types(real)
     vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
 
     @wp.func
-    def place(W: rows, lam: vec4):
+    def simplex_place(W: rows, lam: vec4):
         return lam[0] * W[0] + lam[1] * W[1] + lam[2] * W[2] + lam[3] * W[3]
 
     @wp.func
-    def edge(W: rows, i: int, j: int):
+    def nearest_on_simplex_edge(W: rows, i: int, j: int):
         e = W[j] - W[i]
         ee = wp.dot(e, e)
         s = real(0.0)
@@ -50,7 +50,7 @@ def simplex(real) -> SimpleNamespace:
         return lam
 
     @wp.func
-    def triangle(W: rows, i: int, j: int, k: int):
+    def nearest_on_simplex_face(W: rows, i: int, j: int, k: int):
         a = W[i]
         b = W[j]
         c = W[k]
@@ -59,23 +59,23 @@ def simplex(real) -> SimpleNamespace:
         u = wp.dot(n, wp.cross(b, c))
         v = wp.dot(n, wp.cross(c, a))
         w = wp.dot(n, wp.cross(a, b))
-        lam = edge(W, i, j)
+        lam = nearest_on_simplex_edge(W, i, j)
         if u > real(0.0) and v > real(0.0) and w > real(0.0) and nn > real(0.0):
             lam = vec4()
             lam[i] = u / (u + v + w)
             lam[j] = v / (u + v + w)
             lam[k] = w / (u + v + w)
         else:
-            second = edge(W, j, k)
-            third = edge(W, k, i)
-            if wp.length_sq(place(W, second)) < wp.length_sq(place(W, lam)):
+            second = nearest_on_simplex_edge(W, j, k)
+            third = nearest_on_simplex_edge(W, k, i)
+            if wp.length_sq(simplex_place(W, second)) < wp.length_sq(simplex_place(W, lam)):
                 lam = second
-            if wp.length_sq(place(W, third)) < wp.length_sq(place(W, lam)):
+            if wp.length_sq(simplex_place(W, third)) < wp.length_sq(simplex_place(W, lam)):
                 lam = third
         return lam
 
     @wp.func
-    def tetrahedron(W: rows):
+    def nearest_in_tetrahedron(W: rows):
         """(weights, whether 0 is inside)."""
         inside = bool(True)
         best = vec4()
@@ -89,25 +89,26 @@ def simplex(real) -> SimpleNamespace:
             across = wp.dot(n, W[o] - W[i])
             if wp.dot(n, W[i]) * across >= real(0.0):          # 0 and the corner lie on two sides, or there is no volume
                 inside = False
-            lam = triangle(W, i, j, k)
-            far = wp.length_sq(place(W, lam))
+            lam = nearest_on_simplex_face(W, i, j, k)
+            far = wp.length_sq(simplex_place(W, lam))
             if far < least:
                 least = far
                 best = lam
         return best, inside
 
-    return SimpleNamespace(place=place, edge=edge, triangle=triangle, tetrahedron=tetrahedron)
+    return SimpleNamespace(place=simplex_place, edge=nearest_on_simplex_edge, triangle=nearest_on_simplex_face,
+                           tetrahedron=nearest_in_tetrahedron)
 
 
 @cache
-def reducing(real):
+def simplex_reduction_func(real):
     """Function (W, A, count) -> (W, A, count, weights): the part of the simplex nearest to 0; 4 places if it holds 0."""
-    t, s = types(real), simplex(real)
+    t, s = types(real), simplex_functions(real)
     vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
     edge, triangle, tetrahedron = s.edge, s.triangle, s.tetrahedron
 
     @wp.func
-    def reduced(W: rows, A: rows, count: int):
+    def reduce_simplex(W: rows, A: rows, count: int):
         lam = vec4()
         lam[0] = real(1.0)
         inside = bool(False)
@@ -131,17 +132,17 @@ def reducing(real):
                     kept += 1
         return W, A, kept, weights
 
-    return reduced
+    return reduce_simplex
 
 
 @cache
-def bearing(real):
+def separation_axis_func(real):
     """Function (W, count, v) -> unit vector along v. By itself it rounds by the size over |v|: of a triangle wider than |v| it
     comes from the plane, of an edge it is made to be across."""
     vec3, rows = types(real).vec3, wp.types.matrix((4, 3), real)
 
     @wp.func
-    def bearing(W: rows, count: int, v: vec3):
+    def separation_axis(W: rows, count: int, v: vec3):
         n = v
         if count > 1:
             e = W[1] - W[0]
@@ -160,21 +161,22 @@ def bearing(real):
             length = wp.length(v)
         return n / length
 
-    return bearing
+    return separation_axis
 
 
 @cache
-def descent(kinds: frozenset[str], real):
+def gjk_search_func(kinds: frozenset[str], real):
     """Function (a, b, hulls, R, p, most) -> (W, A, weights, count, v, distance, how): the search itself. How it ended: 0 at
     the nearest places, 1 where the cores overlap or touch, 2 with the bound `distance` above `most` [m], 3 near, no proof."""
-    t, Shape, Hulls = types(real), shape(real), hulls(real)
-    vec3, rows, farthest, place, reduced = t.vec3, wp.types.matrix((4, 3), real), support(kinds, real), simplex(real).place, \
-        reducing(real)
-    _radius, size = extent(real)
-    toward = bearing(real)
+    t, Shape, Hulls = types(real), shape_type(real), hull_type(real)
+    vec3, rows, farthest, place, reduced = (t.vec3, wp.types.matrix((4, 3), real), support_map_func(kinds, real),
+                                            simplex_functions(real).place,
+         simplex_reduction_func(real))
+    _radius, size = shape_extent_funcs(real)
+    toward = separation_axis_func(real)
 
     @wp.func
-    def known(W: rows, count: int, w: vec3):
+    def is_simplex_vertex(W: rows, count: int, w: vec3):
         found = bool(False)
         for i in range(count):
             if wp.length_sq(W[i] - w) == real(0.0):
@@ -182,12 +184,12 @@ def descent(kinds: frozenset[str], real):
         return found
 
     @wp.func(inline=False)
-    def descent(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, most: real):
+    def search_gjk_distance(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, most: real):
         W = rows()
         A = rows()
         weights = t.vec4()
         count = int(0)
-        tiny = real(CLOSE) * rounding(most) * (size(a, H) + size(b, H))
+        tiny = real(CLOSE) * machine_epsilon(most) * (size(a, H) + size(b, H))
         v = -p
         if wp.length(v) <= tiny:
             v = vec3(real(1.0), real(0.0), real(0.0))
@@ -204,7 +206,7 @@ def descent(kinds: frozenset[str], real):
             if bound > most:
                 how = 2
                 far = bound
-            if bound > most or far - bound <= real(0.25) * tiny or known(W, count, w):
+            if bound > most or far - bound <= real(0.25) * tiny or is_simplex_vertex(W, count, w):
                 break
             U = W
             B = A
@@ -226,21 +228,21 @@ def descent(kinds: frozenset[str], real):
             how = 3
         return W, A, weights, count, v, far, how
 
-    return descent
+    return search_gjk_distance
 
 
 @cache
-def apart(kinds: frozenset[str], real):
+def gjk_nearest_func(kinds: frozenset[str], real):
     """Function (a, b, hulls, R, p, margin) -> Nearest of two shapes, B in the pose (R, p) in A's frame. Beyond the margin n and
     the gap are a bound: they are apart by that much along n."""
-    t, Shape, Hulls, Nearest = types(real), shape(real), hulls(real), structs(real).Nearest
-    vec3, place, search = t.vec3, simplex(real).place, descent(kinds, real)
-    radius, _size = extent(real)
-    _aside, nearest = finishing(real)
-    farthest, inner, toward = support(kinds, real), penetration(kinds, real), bearing(real)
+    t, Shape, Hulls, Nearest = types(real), shape_type(real), hull_type(real), clip_types(real).Nearest
+    vec3, place, search = t.vec3, simplex_functions(real).place, gjk_search_func(kinds, real)
+    radius, _size = shape_extent_funcs(real)
+    _aside, nearest = nearest_point_funcs(real)
+    farthest, inner, toward = support_map_func(kinds, real), epa_penetration_func(kinds, real), separation_axis_func(real)
 
     @wp.func
-    def first(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, v: vec3, how: int):
+    def epa_where_overlapping(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, v: vec3, how: int):
         """Nearest by EPA where GJK asks for it; the key says whether it ran out of room."""
         near = Nearest()
         near.gap = real(1.0)
@@ -249,12 +251,12 @@ def apart(kinds: frozenset[str], real):
         return near
 
     @wp.func
-    def deepest(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, n: vec3):
+    def core_depth_along(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, n: vec3):
         """Depth of the cores along n."""
         return wp.dot(n, R * farthest(b, H, wp.transpose(R) * n) + p) - wp.dot(n, farthest(a, H, -n))
 
     @wp.func(inline=False)
-    def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
+    def gjk_nearest_places(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
         """Where EPA ran out of room, B pushed out along n by twice the depth has nearest places with a better n: as long as the
         depth along it falls."""
         radii = t.vec2(radius(a), radius(b))
@@ -269,7 +271,7 @@ def apart(kinds: frozenset[str], real):
             pa = place(A, weights)
             more = int(0)
             if k == 0:
-                near = first(a, b, H, R, p, v, how)
+                near = epa_where_overlapping(a, b, H, R, p, v, how)
                 more = near.key
                 near.key = 0
                 if how == 2:
@@ -279,8 +281,8 @@ def apart(kinds: frozenset[str], real):
                     near = nearest(pa, pa - far * n, n, far, radii, 0)
                     more = 0
             elif how == 0 or how == 3:
-                less = deepest(a, b, H, R, p, n)
-                if less < depth * (real(1.0) - rounding(depth)):
+                less = core_depth_along(a, b, H, R, p, n)
+                if less < depth * (real(1.0) - machine_epsilon(depth)):
                     near = nearest(pa, pa + less * n, n, -less, radii, 0)
                     more = RAN_OUT
             if more != RAN_OUT:
@@ -290,4 +292,4 @@ def apart(kinds: frozenset[str], real):
             most = real(NEVER)
         return near
 
-    return apart
+    return gjk_nearest_places

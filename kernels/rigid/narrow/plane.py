@@ -9,22 +9,22 @@ import warp as wp
 
 from wsim.kernels.math.marks import scratch
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
-from wsim.kernels.rigid.narrow.face import face
-from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
+from wsim.kernels.rigid.lists.manifold import manifold_makers, manifold_reduction_func, manifold_type
+from wsim.kernels.rigid.narrow.face import support_face_func
+from wsim.kernels.rigid.narrow.shape import hull_type, shape_extent_funcs, shape_type, support_map_func
 
 
 @cache
-def plane(kinds: frozenset[str], real, corners: int):
+def plane_manifold_func(kinds: frozenset[str], real, corners: int):
     """Function (b, hulls, R, p, margin) -> Manifold, b in the pose (R, p) in the plane's frame."""
-    t, Shape, Hulls, Manifold = types(real), shape(real), hulls(real), manifold(real)
-    lowest, place, reduce = support(kinds, real), face(kinds, real), reduction(real)
-    radius, extent_of = extent(real)
-    single, _flipped, _turned = making(real)
+    t, Shape, Hulls, Manifold = types(real), shape_type(real), hull_type(real), manifold_type(real)
+    lowest, place, reduce = support_map_func(kinds, real), support_face_func(kinds, real), manifold_reduction_func(real)
+    radius, extent_of = shape_extent_funcs(real)
+    single, _flipped, _turned = manifold_makers(real)
     vec3 = t.vec3
 
     @wp.func(inline=False)
-    def plane(b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
+    def plane_contact_manifold(b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
         P = scratch(shape=(corners,), dtype=vec3)
         gap = scratch(shape=(corners,), dtype=real)
         key = scratch(shape=(corners,), dtype=int)
@@ -50,4 +50,4 @@ def plane(kinds: frozenset[str], real, corners: int):
                 m = single(-up, low - (real(0.5) * (low[2] + r)) * up, low[2] - r, 0)
         return m
 
-    return plane
+    return plane_contact_manifold

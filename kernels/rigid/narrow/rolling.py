@@ -17,23 +17,23 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import CONE, CYLINDER
+from wsim.kernels.contact.collider.shape import CONE, CYLINDER
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.shape import FLAT, HULL, hulls, shape
+from wsim.kernels.rigid.narrow.shape import FLAT, HULL, hull_type, shape_type
 
 SAMPLES = wp.constant(256)
 SAME = wp.constant(1.0e-3)             # of a hull's size: corners nearer than this across the axis count as one
 
 
 @cache
-def passing(real, least: float):
+def rolling_passage_func(real, least: float):
     """Function (shape, hulls, q, o, n, h) -> facets or [rad] that pass in h [s]; 0 if they are certainly below `least`.
 
     q: from the shape's frame to the world; o: omega relative to the other body [rad/s]; n: unit normal out of the shape."""
-    t, Shape, Hulls = types(real), shape(real), hulls(real)
+    t, Shape, Hulls = types(real), shape_type(real), hull_type(real)
 
     @wp.func
-    def facets(row: int, H: Hulls, u: t.vec3, n: t.vec3):
+    def facets_per_turn(row: int, H: Hulls, u: t.vec3, n: t.vec3):
         """Facets in a turn about the unit vector u."""
         along = wp.dot(n, u) * u
         x = n - along
@@ -61,11 +61,11 @@ def passing(real, least: float):
         if turn * real(H.first[row + 1] - H.first[row]) > real(least):
             u = wp.normalize(o)
             if wp.length(wp.cross(n, u)) > real(FLAT):
-                found = turn * real(facets(row, H, u, n))
+                found = turn * real(facets_per_turn(row, H, u, n))
         return found
 
     @wp.func
-    def of_rim(o: t.vec3, z: t.vec3, n: t.vec3, h: real):
+    def rim_contact_turn(o: t.vec3, z: t.vec3, n: t.vec3, h: real):
         across = n - wp.dot(n, z) * z
         found = real(0.0)
         if wp.length(across) > real(FLAT):
@@ -75,12 +75,12 @@ def passing(real, least: float):
         return found
 
     @wp.func(inline=False)
-    def passing(s: Shape, H: Hulls, q: t.quat, o: t.vec3, n: t.vec3, h: real):
+    def rolling_passage(s: Shape, H: Hulls, q: t.quat, o: t.vec3, n: t.vec3, h: real):
         found = real(0.0)
         if s.kind == HULL:
             found = of_hull(s.row, H, wp.quat_rotate_inv(q, o), wp.quat_rotate_inv(q, n), h)
         elif (s.kind == CYLINDER or s.kind == CONE) and h * wp.length(o) > real(0.0):
-            found = of_rim(o, wp.quat_rotate(q, t.vec3(real(0.0), real(0.0), real(1.0))), n, h)
+            found = rim_contact_turn(o, wp.quat_rotate(q, t.vec3(real(0.0), real(0.0), real(1.0))), n, h)
         return found
 
-    return passing
+    return rolling_passage

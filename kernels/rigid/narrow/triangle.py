@@ -18,16 +18,16 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.shape import CAPSULE, CONE, CYLINDER, SPHERE
-from wsim.kernels.math.eigen import identity
-from wsim.kernels.math.marks import called
+from wsim.kernels.contact.collider.shape import CAPSULE, CONE, CYLINDER, SPHERE
+from wsim.kernels.math.eigen import identity_like
+from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists.manifold import manifold
-from wsim.kernels.rigid.narrow.clip import BIAS, structs
-from wsim.kernels.rigid.narrow.gjk import apart
-from wsim.kernels.rigid.narrow.mesh import reading, surfaces
-from wsim.kernels.rigid.narrow.pair import completion
-from wsim.kernels.rigid.narrow.shape import TRIANGLE, extent, hulls, shape, support
+from wsim.kernels.rigid.lists.manifold import manifold_type
+from wsim.kernels.rigid.narrow.clip import BIAS, clip_types
+from wsim.kernels.rigid.narrow.gjk import gjk_nearest_func
+from wsim.kernels.rigid.narrow.mesh import mesh_type, surface_face_readers
+from wsim.kernels.rigid.narrow.pair import manifold_completion_func
+from wsim.kernels.rigid.narrow.shape import TRIANGLE, hull_type, shape_extent_funcs, shape_type, support_map_func
 
 ON = wp.constant(1.0e-4)                  # weight of a corner below which a place lies on the edge across
 STRAIGHT = wp.constant(0.99999)           # cosine: n is f
@@ -36,14 +36,14 @@ OUTSIDE = wp.constant(1.0e-3)             # sine by which n may lie outside a re
 
 
 @cache
-def belonging(real):
+def voronoi_membership_func(real):
     """Function (surfaces, face, R, X, n, b) -> whether the normal n at the place b on the rim of a face belongs to the mesh.
     X: its corners in A's frame; R: from A's axes to the mesh's."""
-    t, Surfaces = types(real), surfaces(real)
-    _corners, normal = reading(real)
+    t, Surfaces = types(real), mesh_type(real)
+    _corners, normal = surface_face_readers(real)
 
     @wp.func
-    def within(S: Surfaces, R: t.mat33, e: t.vec3, f: t.vec3, across: int, n: t.vec3):
+    def within_edge_region(S: Surfaces, R: t.mat33, e: t.vec3, f: t.vec3, across: int, n: t.vec3):
         found = wp.dot(n, wp.normalize(wp.cross(e, f))) >= -real(OUTSIDE)
         if across >= 0:
             found = found and wp.dot(n, wp.normalize(wp.cross(normal(S, across) * R, e))) >= -real(OUTSIDE)
@@ -58,7 +58,7 @@ def belonging(real):
         return found
 
     @wp.func
-    def belongs(S: Surfaces, face: int, R: t.mat33, X: t.mat33, n: t.vec3, b: t.vec3):
+    def normal_in_voronoi_region(S: Surfaces, face: int, R: t.mat33, X: t.mat33, n: t.vec3, b: t.vec3):
         outward = wp.cross(X[1] - X[0], X[2] - X[0])
         twice = wp.length(outward)
         f = outward / twice
@@ -70,24 +70,25 @@ def belonging(real):
                 sum += k
         found = bool(False)
         if edges == 1:
-            found = within(S, R, X[(sum + 1) % 3] - X[sum], f, S.beside[face][sum], n)
+            found = within_edge_region(S, R, X[(sum + 1) % 3] - X[sum], f, S.beside[face][sum], n)
         elif edges == 2:
             corner = wp.where(sum == 1, 1, wp.where(sum == 2, 0, 2))
             found = at_corner(S, S.face[face][corner], R, n)
         return found
 
-    return belongs
+    return normal_in_voronoi_region
 
 
 @cache
-def facing(kinds: frozenset[str], real):
+def triangle_nearest_func(kinds: frozenset[str], real):
     """Function (a, hulls, surfaces, face, R, X, f, margin) -> Nearest as the mesh has it, f to A's side."""
-    t, Shape, Hulls, Surfaces, Nearest = types(real), shape(real), hulls(real), surfaces(real), structs(real).Nearest
-    near_of, lowest, belongs = apart(kinds, real), support(kinds, real), belonging(real)
-    radius, size = extent(real)
+    t, Shape, Hulls, Surfaces, Nearest = (types(real), shape_type(real), hull_type(real), mesh_type(real),
+                                          clip_types(real).Nearest)
+    near_of, lowest, belongs = gjk_nearest_func(kinds, real), support_map_func(kinds, real), voronoi_membership_func(real)
+    radius, size = shape_extent_funcs(real)
 
     @wp.func
-    def over(a: Shape, H: Hulls, X: t.mat33, f: t.vec3):
+    def nearest_over_face(a: Shape, H: Hulls, X: t.mat33, f: t.vec3):
         """Nearest of the face alone."""
         near = Nearest()
         near.n = f
@@ -96,41 +97,41 @@ def facing(kinds: frozenset[str], real):
         return near
 
     @wp.func
-    def facing(a: Shape, H: Hulls, S: Surfaces, face: int, R: t.mat33, X: t.mat33, f: t.vec3, margin: real):
+    def nearest_on_triangle(a: Shape, H: Hulls, S: Surfaces, face: int, R: t.mat33, X: t.mat33, f: t.vec3, margin: real):
         b = Shape()
         b.kind = TRIANGLE
         b.corners = X
-        near = near_of(a, b, H, identity(X), t.vec3(), margin)
+        near = near_of(a, b, H, identity_like(X), t.vec3(), margin)
         if near.gap <= margin:
             if wp.dot(near.n, f) >= real(STRAIGHT):
                 near.n = f
                 if a.kind == SPHERE or a.kind == CAPSULE or a.kind == CYLINDER or a.kind == CONE:
-                    near = over(a, H, X, f)                    # what is nearest on a rim is not what rolls on the face
+                    near = nearest_over_face(a, H, X, f)       # what is nearest on a rim is not what rolls on the face
                     if a.kind == SPHERE:
                         near.x = -(radius(a) + real(0.5) * near.gap) * f
                         near.key = 0
             elif not belongs(S, face, R, X, near.n, near.x - (real(0.5) * near.gap) * near.n):
-                alone = over(a, H, X, f)
+                alone = nearest_over_face(a, H, X, f)
                 if alone.gap < real(DEEPER) * wp.min(near.gap, real(0.0)) - real(BIAS) * size(a, H):
                     alone.gap = real(2.0) * wp.abs(margin) + size(a, H)
                 near = alone
         return near
 
-    return facing
+    return nearest_on_triangle
 
 
 @cache
-def against(kinds: frozenset[str], real):
+def triangle_func(kinds: frozenset[str], real):
     """Function (a, hulls, surfaces, where, R, c, margin) -> Manifold in A's frame of a shape, no plane, and a face of a mesh.
     where: (number of the mesh, of the face among those of all); (R, c): pose of A in the mesh's frame."""
-    t, Shape, Hulls, Manifold, Surfaces = types(real), shape(real), hulls(real), manifold(real), surfaces(real)
+    t, Shape, Hulls, Manifold, Surfaces = types(real), shape_type(real), hull_type(real), manifold_type(real), mesh_type(real)
     every = kinds | {"triangle"}
-    near_of, completed = facing(every, real), completion(every, real, True)
-    corners, _normal = reading(real)
+    near_of, completed = triangle_nearest_func(every, real), manifold_completion_func(every, real, True)
+    corners, _normal = surface_face_readers(real)
 
-    @called
+    @standalone_function
     @wp.func
-    def against(a: Shape, H: Hulls, S: Surfaces, where: wp.vec2i, R: t.mat33, c: t.vec3, margin: real):
+    def triangle_manifold(a: Shape, H: Hulls, S: Surfaces, where: wp.vec2i, R: t.mat33, c: t.vec3, margin: real):
         m = Manifold()
         X = corners(S, where[1], R, c)
         f = wp.normalize(wp.cross(X[1] - X[0], X[2] - X[0]))
@@ -143,7 +144,7 @@ def against(kinds: frozenset[str], real):
             b.kind = TRIANGLE
             b.corners = X
             near = near_of(a, H, S, where[1], R, X, f, margin)
-            m = completed(a, b, H, identity(X), t.vec3(), near, margin)
+            m = completed(a, b, H, identity_like(X), t.vec3(), near, margin)
         return m
 
-    return against
+    return triangle_manifold

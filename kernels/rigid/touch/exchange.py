@@ -1,5 +1,6 @@
-"""What bodies and points give each other in a round of a star (kernels/rigid/touch/star.py): functions of a contact m or of a
-body, and kernels of them. kernels/rigid/touch/points.py has the order, kernels/rigid/touch/rounds.py all of it in one launch.
+"""What bodies and points give each other in a round of a star (kernels/rigid/touch/body_point_solve.py): functions of a contact
+m or of a body, and kernels of them. kernels/rigid/touch/points.py has the order, kernels/rigid/touch/rounds.py all of it in one
+launch.
 """
 
 from functools import cache
@@ -8,14 +9,14 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.math.team import team_sum
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.motion import double3
-from wsim.kernels.rigid.touch.points import structs
-from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.math.team import team_sum_func
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.motion import double_vec3
+from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
+from wsim.kernels.rigid.touch.points import touch_structs
 
 SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
-SIX, sum_six = wp.types.vector(6, wp.float64), team_sum(6)
+SIX, sum_six = wp.types.vector(6, wp.float64), team_sum_func(6)
 
 
 @wp.func
@@ -32,31 +33,31 @@ def sum_team(J: wp.vec3d, T: wp.vec3d, warps: int, team: int):
 
 
 @cache
-def energies(real):
+def star_energy_funcs(real):
     """(energy, weight): functions of body i: twice the kinetic energy [J] of momenta p and L; of what its weight gives
     in h [s]."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.func
-    def energy(rig: Rig, i: int, p: wp.vec3d, L: wp.vec3d):
+    def doubled_kinetic_energy(rig: Rig, i: int, p: wp.vec3d, L: wp.vec3d):
         return wp.float64(rig.b.w[i]) * wp.dot(p, p) + wp.dot(L, wp.mat33d(rig.work.spread[i]) * L)
 
     @wp.func
-    def weight(rig: Rig, i: int, h: real):
+    def weight_energy_scale(rig: Rig, i: int, h: real):
         return wp.float64(rig.work.g * h) * wp.float64(rig.work.g * h) / wp.float64(rig.b.w[i])
 
-    return energy, weight
+    return doubled_kinetic_energy, weight_energy_scale
 
 
 @cache
-def of_contacts(real):
+def star_contact_funcs(real):
     """(gather, tell): functions of contact m. gather: its row of a star; tell: its plane and the speed of its surface, where
     the body goes by V, (v, o)."""
-    t, (_, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
-    Table = project.tables(real)[0]
+    t, (_, Found, Points), Rows, Slots = types(real), touch_structs(real), stars(real)[0], project.slot_type(real)
+    Table = project.contact_tables(real)[0]
 
     @wp.func
-    def gather(c: Table, s: Slots, p: Points, found: Found, m: int, rows_out: Rows):
+    def gather_star_row(c: Table, s: Slots, p: Points, found: Found, m: int, rows_out: Rows):
         j = rows_out.slot[m]
         i = j % s.points
         n = rows_out.n[m]
@@ -74,49 +75,50 @@ def of_contacts(real):
         rows_out.f[m] = real(1.0) / (p.w[i] * p.c)
 
     @wp.func
-    def tell(rows: Rows, found: Found, m: int, v: wp.vec3d, o: wp.vec3d, h: real, s_out: Slots):
+    def update_contact_plane(rows: Rows, found: Found, m: int, v: wp.vec3d, o: wp.vec3d, h: real, s_out: Slots):
         j = rows.slot[m]
-        U = v + wp.cross(o, double3(rows.r[m]))
+        U = v + wp.cross(o, double_vec3(rows.r[m]))
         n = rows.n[m]
         s_out.u[j] = t.vec3(real(wp.float64(found.u[m][0]) + U[0]), real(wp.float64(found.u[m][1]) + U[1]),
                             real(wp.float64(found.u[m][2]) + U[2]))
-        s_out.b[j] = real(wp.float64(found.b[m]) - wp.float64(h) * wp.dot(double3(n), U))
+        s_out.b[j] = real(wp.float64(found.b[m]) - wp.float64(h) * wp.dot(double_vec3(n), U))
 
-    return gather, tell
+    return gather_star_row, update_contact_plane
 
 
 @cache
-def of_bodies(real):
+def star_body_funcs(real):
     """(hub, take): functions of body i. hub: momentum without what points have given, less that which V = 0 is counted from;
     given: 1, or 0 for impulses that come on top. take: its momenta, less what points have got beyond `total`; at: see
     `star.solving`; still: 1 for impulses that change no place."""
-    t, Found, Rows, Rig, Hubs = types(real), structs(real)[1], stars(real)[0], whole(real), stars(real)[1]
+    t, Found, Rows, Rig, Hubs = types(real), touch_structs(real)[1], stars(real)[0], rig_type(real), stars(real)[1]
 
     @wp.func
-    def hub(rig: Rig, found: Found, given: wp.float64, i: int, out: Hubs):
+    def set_star_hub(rig: Rig, found: Found, given: wp.float64, i: int, out: Hubs):
         n = rig.b.w.shape[0]
         R = wp.mat33d(rig.work.turn[i])
-        at = rotate_moments(R, double3(rig.b.inverse[i]), found.ahead[n + i])
-        out.q[i] = double3(rig.now.p[i]) + given * found.total[i] - found.ahead[i] / wp.float64(rig.b.w[i])
-        out.q[n + i] = double3(rig.now.L[i]) + given * found.total[n + i] - at
+        at = rotate_moments(R, double_vec3(rig.b.inverse[i]), found.ahead[n + i])
+        out.q[i] = double_vec3(rig.now.p[i]) + given * found.total[i] - found.ahead[i] / wp.float64(rig.b.w[i])
+        out.q[n + i] = double_vec3(rig.now.L[i]) + given * found.total[n + i] - at
 
     @wp.func
-    def take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, i: int, at: wp.vec4i, rig: Rig):
+    def subtract_point_impulses(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, i: int, at: wp.vec4i,
+                                rig: Rig):
         bodies = rig.b.w.shape[0]
         J = wp.vec3d()
         T = wp.vec3d()
         m = rows.first[i] + at[0]
         while m < rows.first[i + 1]:
-            P = wp.float64(rows.f[m]) * double3(push[rows.slot[m]])
+            P = wp.float64(rows.f[m]) * double_vec3(push[rows.slot[m]])
             if still != 0:
-                P = wp.float64(found.q[rows.slot[m]]) * double3(rows.n[m])
+                P = wp.float64(found.q[rows.slot[m]]) * double_vec3(rows.n[m])
             J += P
-            T += wp.cross(double3(rows.r[m]), P)
+            T += wp.cross(double_vec3(rows.r[m]), P)
             m += at[1]
         J, T = sum_team(J, T, at[2], at[3])
         if at[0] == 0 and rows.first[i + 1] > rows.first[i]:
-            p = double3(rig.now.p[i]) - J
-            L = double3(rig.now.L[i]) - T
+            p = double_vec3(rig.now.p[i]) - J
+            L = double_vec3(rig.now.L[i]) - T
             if still != 0:
                 found.still[i] = J
                 found.still[bodies + i] = T
@@ -130,14 +132,15 @@ def of_bodies(real):
             rig.now.p[i] = t.vec3(real(p[0]), real(p[1]), real(p[2]))
             rig.now.L[i] = t.vec3(real(L[0]), real(L[1]), real(L[2]))
 
-    return hub, take
+    return set_star_hub, subtract_point_impulses
 
 
 @cache
-def gather(real, module):
+def star_row_kernel(real, module):
     """Kernel over the room for contacts: their rows of a star."""
-    (_, Found, Points), Rows, Slots, own = structs(real), stars(real)[0], project.slots(real), of_contacts(real)[0]
-    Table = project.tables(real)[0]
+    (_, Found, Points), Rows, Slots, own = (touch_structs(real), stars(real)[0], project.slot_type(real),
+                                            star_contact_funcs(real)[0])
+    Table = project.contact_tables(real)[0]
 
     def touch_gather(c: Table, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
         m = wp.tid()
@@ -148,9 +151,9 @@ def gather(real, module):
 
 
 @cache
-def hubs(real, module):
-    """Kernel over bodies, see `of_bodies`."""
-    Found, Rig, Hubs, own = structs(real)[1], whole(real), stars(real)[1], of_bodies(real)[0]
+def star_hub_kernel(real, module):
+    """Kernel over bodies, see `star_body_funcs`."""
+    Found, Rig, Hubs, own = touch_structs(real)[1], rig_type(real), stars(real)[1], star_body_funcs(real)[0]
 
     def touch_hubs(rig: Rig, found: Found, given: wp.float64, out: Hubs):
         own(rig, found, given, wp.tid(), out)
@@ -159,9 +162,9 @@ def hubs(real, module):
 
 
 @cache
-def tell(real, module):
+def contact_plane_kernel(real, module):
     """Kernel over the room for contacts: planes and speeds of surfaces, as bodies go by V."""
-    Found, Rows, Slots, own = structs(real)[1], stars(real)[0], project.slots(real), of_contacts(real)[1]
+    Found, Rows, Slots, own = touch_structs(real)[1], stars(real)[0], project.slot_type(real), star_contact_funcs(real)[1]
 
     def touch_tell(rows: Rows, found: Found, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), h: real, s_out: Slots):
         m = wp.tid()
@@ -174,9 +177,9 @@ def tell(real, module):
 
 
 @cache
-def take(real, module):
-    """Kernel over bodies times lanes, see `of_bodies`."""
-    t, Found, Rows, Rig, own = types(real), structs(real)[1], stars(real)[0], whole(real), of_bodies(real)[1]
+def point_impulse_kernel(real, module):
+    """Kernel over bodies times lanes, see `star_body_funcs`."""
+    t, Found, Rows, Rig, own = types(real), touch_structs(real)[1], stars(real)[0], rig_type(real), star_body_funcs(real)[1]
 
     def touch_take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, lanes: int, rig: Rig):
         tid = wp.tid()

@@ -9,10 +9,10 @@ import warp as wp
 
 
 @cache
-def bounds(module):
+def group_bound_kernel(module):
     """Kernel over groups + 1: where each begins among the sorted numbers."""
 
-    def bounds(keys: wp.array(dtype=int), room: int, first_out: wp.array(dtype=int)):
+    def find_group_bounds(keys: wp.array(dtype=int), room: int, first_out: wp.array(dtype=int)):
         group = wp.tid()
         low = int(0)
         high = room
@@ -24,4 +24,4 @@ def bounds(module):
                 high = middle
         first_out[group] = low
 
-    return wp.kernel(bounds, name="bounds_of_groups", module=module, enable_backward=False)
+    return wp.kernel(find_group_bounds, name="bounds_of_groups", module=module, enable_backward=False)

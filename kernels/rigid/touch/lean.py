@@ -1,15 +1,15 @@
-"""Bodies in a Newton step of points (kernels/contact/newton/active_set.py): where planes will be when the step is done.
+"""Bodies in a Newton step of points (kernels/solver/contact/active_set.py): where planes will be when the step is done.
 
 A step of Newton's method holds points at planes that go with a body as it has been foreseen, and says how they push, P. A
-star (kernels/rigid/touch/star.py) then foresees it anew, of points that give way as A_ii lets them alone: the block of a point
-is stiffer than all of them together are to what moves them together, so what is foreseen goes towards the solution from one
-side, and does not swing however light the body is. Force F = own P is lam' = own P / own' in a metric own' = n.A_ii n:
+star (kernels/rigid/touch/body_point_solve.py) then foresees it anew, of points that give way as A_ii lets them alone: the block
+of a point is stiffer than all of them together are to what moves them together, so what is foreseen goes towards the solution
+from one side, and does not swing however light the body is. Force F = own P is lam' = own P / own' in a metric own' = n.A_ii n:
 
     base' = lam' - k n.U0  where lam > 0, else -gap - k n.U0,     slip' = g U0 - T',     f' = h own'
 
-with U0 what the body was foreseen to give the place. A substep begins with the impulses of the one before (`recall`), and ends
-with a star of points as they are without forces, by which momentum is exchanged: what a body gets is what points got of it,
-however far all this has come.
+with U0 what the body was foreseen to give the place. A substep begins with the impulses of the one before
+(`previous_impulse_kernel`), and ends with a star of points as they are without forces, by which momentum is exchanged: what a
+body gets is what points got of it, however far all this has come.
 """
 
 from functools import cache
@@ -18,18 +18,18 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.motion import double3
-from wsim.kernels.rigid.touch.points import structs
-from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.rigid.motion import double_vec3
+from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
+from wsim.kernels.rigid.touch.points import touch_structs
 
 
 @cache
-def lean(real, module):
+def newton_star_kernel(real, module):
     """Kernel over the room for contacts: rows of a star, behind a Newton step. P: inverse blocks A_ii before contacts."""
-    t, Points, Rows, Slots = types(real), structs(real)[2], stars(real)[0], project.slots(real)
+    t, Points, Rows, Slots = types(real), touch_structs(real)[2], stars(real)[0], project.slot_type(real)
     vectors = wp.array(dtype=wp.vec3d)
 
-    def touch_lean(c: project.tables(real)[0], of: wp.array(dtype=int), s: Slots, p: Points, P: wp.array(dtype=t.mat33),
+    def touch_lean(c: project.contact_tables(real)[0], of: wp.array(dtype=int), s: Slots, p: Points, P: wp.array(dtype=t.mat33),
                    V: vectors, rows_out: Rows):
         m = wp.tid()
         bodies = V.shape[0] // 2
@@ -39,7 +39,7 @@ def lean(real, module):
         i = j % s.points
         body = of[s.row[j]]
         n = rows_out.n[m]
-        U = V[body] + wp.cross(V[bodies + body], double3(rows_out.r[m]))
+        U = V[body] + wp.cross(V[bodies + body], double_vec3(rows_out.r[m]))
         U0 = t.vec3(real(U[0]), real(U[1]), real(U[2]))
         own = real(1.0) / (p.w[i] * p.g * p.g)
         stiff = wp.max(wp.dot(n, wp.inverse(P[i]) * n), own)
@@ -59,7 +59,7 @@ def lean(real, module):
 
 
 @cache
-def recall(real, module):
+def previous_impulse_kernel(real, module):
     """Kernel over bodies: V of the impulses J, T that points had in the substep before, of bodies that have contacts."""
     t, Rows, Hubs, vectors = types(real), *stars(real), wp.array(dtype=types(real).vec3)
 
@@ -70,8 +70,8 @@ def recall(real, module):
         o = wp.vec3d()
         if rows.first[i + 1] > rows.first[i]:
             R = wp.mat33d(hubs.turn[i])
-            v = -wp.float64(hubs.w[i]) * double3(J[i])
-            o = -(R * wp.cw_mul(double3(hubs.inverse[i]), wp.transpose(R) * double3(T[i])))
+            v = -wp.float64(hubs.w[i]) * double_vec3(J[i])
+            o = -(R * wp.cw_mul(double_vec3(hubs.inverse[i]), wp.transpose(R) * double_vec3(T[i])))
         V_out[i] = v
         V_out[bodies + i] = o
 
@@ -79,13 +79,13 @@ def recall(real, module):
 
 
 @cache
-def miss(real, module):
+def foresight_error_kernel(real, module):
     """Kernel over bodies, behind a substep: how far V is from what was foreseen, a part of what points have changed of it, both
     by the momentum and the spin's that it is; a part of `slow` [m/s] counts as none. status: becomes 1 beyond `most`."""
-    t, Found, Hubs, vectors = types(real), structs(real)[1], stars(real)[1], wp.array(dtype=wp.vec3d)
+    t, Found, Hubs, vectors = types(real), touch_structs(real)[1], stars(real)[1], wp.array(dtype=wp.vec3d)
 
     @wp.func
-    def size(w: wp.float64, R: wp.mat33d, inverse: wp.vec3d, v: wp.vec3d, o: wp.vec3d):
+    def speed_norm_of_body(w: wp.float64, R: wp.mat33d, inverse: wp.vec3d, v: wp.vec3d, o: wp.vec3d):
         own = wp.transpose(R) * o
         return wp.sqrt(wp.dot(v, v) + w * wp.dot(wp.cw_div(own, inverse), own))
 
@@ -95,10 +95,10 @@ def miss(real, module):
         bodies = hubs.w.shape[0]
         w = wp.float64(hubs.w[i])
         R = wp.mat33d(hubs.turn[i])
-        inverse = double3(hubs.inverse[i])
-        off = size(w, R, inverse, V[i] - foreseen[i], V[bodies + i] - foreseen[bodies + i])
+        inverse = double_vec3(hubs.inverse[i])
+        off = speed_norm_of_body(w, R, inverse, V[i] - foreseen[i], V[bodies + i] - foreseen[bodies + i])
         spun = R * wp.cw_mul(inverse, wp.transpose(R) * found.total[bodies + i])
-        given = size(w, R, inverse, w * found.total[i], spun)
+        given = speed_norm_of_body(w, R, inverse, w * found.total[i], spun)
         left_out[i] = real(off / (given + wp.float64(slow)))
         if left_out[i] > most:
             status_out[0] = 1
@@ -107,12 +107,12 @@ def miss(real, module):
 
 
 @cache
-def owe(real, module):
+def owed_push_kernel(real, module):
     """Kernel over points, behind the last Newton step: pushes become what points that bodies push have got: the opposite of
     what forces f [N] leave there."""
-    t, Slots, vectors = types(real), project.slots(real), wp.array(dtype=types(real).vec3)
+    t, Slots, vectors = types(real), project.slot_type(real), wp.array(dtype=types(real).vec3)
 
-    def touch_owe(of: wp.array(dtype=int), s: Slots, p: structs(real)[2], f: vectors, push_out: vectors):
+    def touch_owe(of: wp.array(dtype=int), s: Slots, p: touch_structs(real)[2], f: vectors, push_out: vectors):
         i = wp.tid()
         given = t.vec3()
         most = real(0.0)
@@ -133,12 +133,12 @@ def owe(real, module):
 
 
 @cache
-def given(real, module):
+def unpushed_way_kernel(real, module):
     """Kernel over points: ways without which points would not have been pushed, for the balance of momentum
     (kernels/solver/rigid_translation.py). own [N/m]: with soft pins."""
-    t, Slots, vectors = types(real), project.slots(real), wp.array(dtype=types(real).vec3)
+    t, Slots, vectors = types(real), project.slot_type(real), wp.array(dtype=types(real).vec3)
 
-    def touch_given(s: Slots, p: structs(real)[2], own: wp.array(dtype=real), y_out: vectors):
+    def touch_given(s: Slots, p: touch_structs(real)[2], own: wp.array(dtype=real), y_out: vectors):
         i = wp.tid()
         P = t.vec3()
         for slot in range(s.count[i]):
@@ -151,9 +151,9 @@ def given(real, module):
 
 
 @cache
-def keep(real, module):
+def kept_impulse_kernel(real, module):
     """Kernel over bodies: impulses of this substep for the next."""
-    t, Found = types(real), structs(real)[1]
+    t, Found = types(real), touch_structs(real)[1]
     vectors = wp.array(dtype=t.vec3)
 
     def touch_keep(found: Found, J_out: vectors, T_out: vectors):

@@ -1,4 +1,5 @@
-"""Bodies as colliders of points, and what both give each other in a substep. The solve: kernels/rigid/touch/star.py.
+"""Bodies as colliders of points, and what both give each other in a substep. The solve:
+kernels/rigid/touch/body_point_solve.py.
 
     place     rows of the table of colliders (kernels/contact/project.py) go where the bodies are, and would go by momenta alone
     sort      slots of contacts (kernels/contact/search.py) in the order of bodies; within a body in that of slots
@@ -24,19 +25,19 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.motion import double, double3, free_rotation
-from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.math.rotation import conjugate_rotation, multiply_rotations, rotate_vector, unit_quaternion
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.motion import double_quat, double_vec3, free_rotor_step
+from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
 
 
 @cache
-def structs(real):
+def touch_structs(real):
     """(Shapes, Found, Points)."""
     t = types(real)
 
     @wp.struct
-    class Shapes:
+    class BodyShapeRows:
         """Rows of the table that bodies have, (rows,)."""
         row: wp.array(dtype=int)
         body: wp.array(dtype=int)
@@ -49,7 +50,7 @@ def structs(real):
         object: wp.array(dtype=wp.vec3d)          # origin of each object [m]
 
     @wp.struct
-    class Found:
+    class FoundContacts:
         """Of contacts, sorted as the rows of a star are, where nothing else is said."""
         b: wp.array(dtype=real)
         u: wp.array(dtype=t.vec3)
@@ -60,7 +61,7 @@ def structs(real):
         still: wp.array(dtype=wp.vec3d)           # the same of impulses that change no place
 
     @wp.struct
-    class Points:
+    class TouchingPoints:
         w: wp.array(dtype=real)
         object: wp.array(dtype=int)
         friction: wp.array(dtype=t.vec2)
@@ -75,55 +76,56 @@ def structs(real):
         c: real                                   # [s]
         slow: real                                # [m/s]
 
-    return Shapes, Found, Points
+    return BodyShapeRows, FoundContacts, TouchingPoints
 
 
 @cache
-def place(real, module):
+def body_place_kernel(real, module):
     """Kernel over rows of bodies: pose at substep k, what it will be by momenta, the way there, and the ball about it.
     arrived: 1 where bodies stand at the end of substep k: pose[k + 1] alone."""
-    t, Shapes, Rig, vec3d = types(real), structs(real)[0], whole(real), wp.vec3d
+    t, Shapes, Rig, vec3d = types(real), touch_structs(real)[0], rig_type(real), wp.vec3d
 
     @wp.func
-    def rounded(p: vec3d, q: wp.quatd):
+    def rounded_transform(p: vec3d, q: wp.quatd):
         return t.transform(t.vec3(real(p[0]), real(p[1]), real(p[2])), t.quat(real(q[0]), real(q[1]), real(q[2]), real(q[3])))
 
-    def place_bodies(shapes: Shapes, rig: Rig, k: int, arrived: int, h: wp.float64, pose_out: wp.array2d(dtype=t.transform),
-                     step_out: wp.array2d(dtype=t.transform), ball_out: wp.array2d(dtype=t.vec4)):
+    def pose_body_colliders(shapes: Shapes, rig: Rig, k: int, arrived: int, h: wp.float64,
+                            pose_out: wp.array2d(dtype=t.transform),
+                            step_out: wp.array2d(dtype=t.transform), ball_out: wp.array2d(dtype=t.vec4)):
         j = wp.tid()
         i = shapes.body[j]
         row = shapes.row[j]
-        q0 = normalized(double(rig.now.q[i], rig.now.o[i]))
+        q0 = unit_quaternion(double_quat(rig.now.q[i], rig.now.o[i]))
         at = shapes.place[j]
         own = wp.transform_get_translation(at)
         turn = wp.transform_get_rotation(at)
-        x0 = (shapes.begin[i] - shapes.origin[j]) + double3(rig.now.x[i]) + double3(rig.now.e[i])
-        p0 = x0 + rotate(q0, own)
+        x0 = (shapes.begin[i] - shapes.origin[j]) + double_vec3(rig.now.x[i]) + double_vec3(rig.now.e[i])
+        p0 = x0 + rotate_vector(q0, own)
         if arrived != 0:
-            pose_out[k + 1, row] = rounded(p0, multiply(q0, turn))
+            pose_out[k + 1, row] = rounded_transform(p0, multiply_rotations(q0, turn))
             return
-        q1 = free_rotation(q0, double3(rig.now.L[i]), double3(rig.b.inverse[i]), h)
-        p1 = x0 + (h * wp.float64(rig.b.w[i])) * double3(rig.now.p[i]) + rotate(q1, own)
-        a0 = multiply(q0, turn)
-        a1 = multiply(q1, turn)
-        pose_out[k, row] = rounded(p0, a0)
-        pose_out[k + 1, row] = rounded(p1, a1)
-        step_out[k, row] = rounded(p1 - p0, multiply(a1, conjugate(a0)))
+        q1 = free_rotor_step(q0, double_vec3(rig.now.L[i]), double_vec3(rig.b.inverse[i]), h)
+        p1 = x0 + (h * wp.float64(rig.b.w[i])) * double_vec3(rig.now.p[i]) + rotate_vector(q1, own)
+        a0 = multiply_rotations(q0, turn)
+        a1 = multiply_rotations(q1, turn)
+        pose_out[k, row] = rounded_transform(p0, a0)
+        pose_out[k + 1, row] = rounded_transform(p1, a1)
+        step_out[k, row] = rounded_transform(p1 - p0, multiply_rotations(a1, conjugate_rotation(a0)))
         ball = shapes.ball[j]
         center = vec3d(ball[0], ball[1], ball[2])
-        c0 = p0 + rotate(a0, center)
-        c1 = p1 + rotate(a1, center)
+        c0 = p0 + rotate_vector(a0, center)
+        c1 = p1 + rotate_vector(a1, center)
         c = wp.float64(0.5) * (c0 + c1)
         radius = ball[3] + wp.float64(1.5) * wp.length(c1 - c0)
         ball_out[k, row] = t.vec4(real(c[0]), real(c[1]), real(c[2]), real(radius))
 
-    return wp.kernel(place_bodies, name=f"place_bodies_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(pose_body_colliders, name=f"place_bodies_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def keys(real, module):
+def contact_key_kernel(real, module):
     """Kernel over slots: the body of each, or the number of bodies."""
-    Slots = project.slots(real)
+    Slots = project.slot_type(real)
 
     def touch_keys(s: Slots, of: wp.array(dtype=int), bodies: int, key_out: wp.array(dtype=int), slot_out: wp.array(dtype=int)):
         j = wp.tid()
@@ -138,45 +140,45 @@ def keys(real, module):
 
 
 @cache
-def beginning(real):
+def touch_begin_funcs(real):
     """(ahead, found): functions of body i: velocity and spin that contacts are found with, and nothing is given yet; of contact
     m: its arm, and the plane as it was found."""
-    t, (Shapes, Found, Points), Rows = types(real), structs(real), stars(real)[0]
-    Slots, Rig = project.slots(real), whole(real)
+    t, (Shapes, Found, Points), Rows = types(real), touch_structs(real), stars(real)[0]
+    Slots, Rig = project.slot_type(real), rig_type(real)
 
     @wp.func
-    def ahead(rig: Rig, i: int, out: Found):
+    def predict_body_velocity(rig: Rig, i: int, out: Found):
         n = rig.b.w.shape[0]
-        out.ahead[i] = wp.float64(rig.b.w[i]) * double3(rig.now.p[i])
-        out.ahead[n + i] = wp.mat33d(rig.work.spread[i]) * double3(rig.now.L[i])
+        out.ahead[i] = wp.float64(rig.b.w[i]) * double_vec3(rig.now.p[i])
+        out.ahead[n + i] = wp.mat33d(rig.work.spread[i]) * double_vec3(rig.now.L[i])
         out.total[i] = wp.vec3d()
         out.total[n + i] = wp.vec3d()
         out.still[i] = wp.vec3d()
         out.still[n + i] = wp.vec3d()
 
     @wp.func
-    def found(shapes: Shapes, rig: Rig, s: Slots, p: Points, m: int, rows_out: Rows, out: Found):
+    def record_found_contact(shapes: Shapes, rig: Rig, s: Slots, p: Points, m: int, rows_out: Rows, out: Found):
         j = rows_out.slot[m]
         i = j % s.points
         body = shapes.of[s.row[j]]
         n = s.n[j]
         gap = s.b[j] + wp.dot(n, p.d[i])
-        center = shapes.begin[body] - shapes.object[p.object[i]] + double3(rig.now.x[body])
-        ends = double3(rig.now.e[body]) + wp.float64(p.h) * out.ahead[body]
-        r = (double3(p.x[i]) - center) + (double3(p.d[i] - gap * n) - ends)
+        center = shapes.begin[body] - shapes.object[p.object[i]] + double_vec3(rig.now.x[body])
+        ends = double_vec3(rig.now.e[body]) + wp.float64(p.h) * out.ahead[body]
+        r = (double_vec3(p.x[i]) - center) + (double_vec3(p.d[i] - gap * n) - ends)
         rows_out.n[m] = n
         rows_out.r[m] = t.vec3(real(r[0]), real(r[1]), real(r[2]))
         out.b[m] = s.b[j]
         out.u[m] = s.u[j]
         out.before[m] = wp.dot(n, p.v[i] - s.u[j])
 
-    return ahead, found
+    return predict_body_velocity, record_found_contact
 
 
 @cache
-def begin(real, module):
-    """Kernel over bodies, see `beginning`."""
-    Found, Rig, own = structs(real)[1], whole(real), beginning(real)[0]
+def touch_begin_kernel(real, module):
+    """Kernel over bodies, see `touch_begin_funcs`."""
+    Found, Rig, own = touch_structs(real)[1], rig_type(real), touch_begin_funcs(real)[0]
 
     def touch_begin(rig: Rig, out: Found):
         own(rig, wp.tid(), out)
@@ -185,10 +187,10 @@ def begin(real, module):
 
 
 @cache
-def found(real, module):
-    """Kernel over the room for contacts, see `beginning`."""
-    (Shapes, Found, Points), Rows, own = structs(real), stars(real)[0], beginning(real)[1]
-    Slots, Rig = project.slots(real), whole(real)
+def found_contact_kernel(real, module):
+    """Kernel over the room for contacts, see `touch_begin_funcs`."""
+    (Shapes, Found, Points), Rows, own = touch_structs(real), stars(real)[0], touch_begin_funcs(real)[1]
+    Slots, Rig = project.slot_type(real), rig_type(real)
 
     def touch_found(shapes: Shapes, rig: Rig, s: Slots, p: Points, rows_out: Rows, out: Found):
         m = wp.tid()

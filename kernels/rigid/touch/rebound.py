@@ -6,14 +6,14 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch.points import structs
-from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
+from wsim.kernels.rigid.touch.points import touch_structs
 
 
 @cache
-def rise(real, module):
+def star_velocity_kernel(real, module):
     """Kernel over the room for contacts: rows of a star of velocities. memory: 1 where the integrator has one."""
-    t, (Shapes, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
+    t, (Shapes, Found, Points), Rows, Slots = types(real), touch_structs(real), stars(real)[0], project.slot_type(real)
 
     def touch_rise(shapes: Shapes, s: Slots, p: Points, found: Found, memory: int, bodies: int, rows_out: Rows):
         m = wp.tid()
@@ -42,11 +42,11 @@ def rise(real, module):
 
 
 @cache
-def thrown(real, module):
+def bounce_impulse_kernel(real, module):
     """Kernel over the room for contacts: impulses q along n, where bodies go by V on top."""
-    Found, Rows = structs(real)[1], stars(real)[0]
+    Found, Rows = touch_structs(real)[1], stars(real)[0]
 
-    def touch_thrown(rows: Rows, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), s: project.slots(real), out: Found):
+    def touch_thrown(rows: Rows, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), s: project.slot_type(real), out: Found):
         m = wp.tid()
         bodies = V.shape[0] // 2
         if m >= rows.first[bodies]:
@@ -60,9 +60,9 @@ def thrown(real, module):
 
 
 @cache
-def remember(real, module):
+def impulse_memory_kernel(real, module):
     """Kernel over points: anchors by what changes no place; a memory is told of that and of what does."""
-    t, (_, Found, Points), Slots = types(real), structs(real), project.slots(real)
+    t, (_, Found, Points), Slots = types(real), touch_structs(real), project.slot_type(real)
     vectors = wp.array(dtype=t.vec3)
 
     def touch_remember(of: wp.array(dtype=int), s: Slots, p: Points, found: Found, memory: int, a_out: vectors, v_out: vectors,
@@ -84,10 +84,10 @@ def remember(real, module):
 
 
 @cache
-def carry(real, module):
+def overlap_carry_kernel(real, module):
     """Kernel over points, behind a search: the way out of a body is no motion, e goes along with it, and a memory keeps what it
     has; before: anchors without it."""
-    t, Slots = types(real), project.slots(real)
+    t, Slots = types(real), project.slot_type(real)
     vectors = wp.array(dtype=t.vec3)
 
     def touch_carry(of: wp.array(dtype=int), s: Slots, a: vectors, before: vectors, e: vectors, e_out: vectors,
@@ -103,9 +103,9 @@ def carry(real, module):
 
 
 @cache
-def others(real, module):
+def other_push_kernel(real, module):
     """Kernel over slots: pushes of colliders that are no bodies."""
-    t, Slots = types(real), project.slots(real)
+    t, Slots = types(real), project.slot_type(real)
 
     def touch_others(of: wp.array(dtype=int), s: Slots, push: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
         j = wp.tid()

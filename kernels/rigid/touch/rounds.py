@@ -1,7 +1,7 @@
 """Bodies and the points that touch them, a block of threads a world: the list of their contacts, and all rounds of stars,
 points and sweeps of a substep in one launch. kernels/rigid/touch/points.py has the equations.
 
-    round   gather, star, tell       of each body, by a team of warps: kernels/rigid/touch/star.py, exchange.py
+    round   gather, star, tell       of each body, by a team of warps: kernels/rigid/touch/body_point_solve.py, exchange.py
             project                  contacts of each point, in order: kernels/contact/project.py
             take                     momenta of each body
             sweep                    bodies against each other and against colliders, colour by colour
@@ -23,26 +23,26 @@ import warp as wp
 from wsim.kernels.contact import project
 from wsim.kernels.math import block
 from wsim.kernels.math.real import types
-from wsim.kernels.math.team import any_of, counted, meet_team, teams
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.kinds import SERIAL, Kind
-from wsim.kernels.rigid.motion import double3
-from wsim.kernels.rigid.touch.exchange import energies, of_bodies, of_contacts, rotate_moments
-from wsim.kernels.rigid.touch.points import beginning, structs
-from wsim.kernels.rigid.touch.star import solving
-from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.math.team import any_of, block_prefix_count, split_into_teams, team_barrier
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.kinds import SERIAL, ConstraintKind
+from wsim.kernels.rigid.motion import double_vec3
+from wsim.kernels.rigid.touch.body_point_solve import star_solve_func
+from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
+from wsim.kernels.rigid.touch.exchange import rotate_moments, star_body_funcs, star_contact_funcs, star_energy_funcs
+from wsim.kernels.rigid.touch.points import touch_begin_funcs, touch_structs
 
 NEAR = {wp.float32: 1e-6, wp.float64: 1e-10}     # part of a momentum that counts as nothing: beyond rounding
 
 
 @cache
-def worlds(real):
+def world_type(real):
     """Struct of what worlds have besides: their bodies, contacts, and points that touch something."""
     Rows, Hubs = stars(real)
-    Shapes, Found, _ = structs(real)
+    Shapes, Found, _ = touch_structs(real)
 
     @wp.struct
-    class Worlds:
+    class TouchingWorlds:
         rows: Rows
         hubs: Hubs
         found: Found
@@ -58,31 +58,31 @@ def worlds(real):
         was: wp.array(dtype=wp.vec3d)             # momenta before the round, (2 bodies,)
         left: wp.array(dtype=real)                # see `star.solving`
 
-    return Worlds
+    return TouchingWorlds
 
 
 @cache
-def list_touches(real, threads: int, module):
+def touch_list_kernel(real, threads: int, module):
     """Kernel over threads of worlds, behind a search: points that touch something, contacts in the order of bodies, points and
     slots, arms and planes. phase: 0 where there is one world; else 1, which counts, and 2, which lists."""
-    Worlds, Rig, Slots, Points = worlds(real), whole(real), project.slots(real), structs(real)[2]
-    ahead, found = beginning(real)
-    together = block.alone if threads == 1 else block.meet
+    Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
+    ahead, found = touch_begin_funcs(real)
+    together = block.no_barrier if threads == 1 else block.block_barrier
 
     @wp.func
-    def share(many: int, lane: int):
+    def thread_item_range(many: int, lane: int):
         """(first, last) of so many that a thread has."""
         each = (many + wp.static(threads - 1)) / wp.static(threads)
         return wp.min(lane * each, many), wp.min((lane + 1) * each, many)
 
     @wp.func
-    def touching(W: Worlds, s: Slots, w: int, lane: int):
-        begin, end = share(W.points, lane)
+    def list_touching_points(W: Worlds, s: Slots, w: int, lane: int):
+        begin, end = thread_item_range(W.points, lane)
         own = int(0)
         for i in range(w * W.points + begin, w * W.points + end):
             if s.count[i] > 0:
                 own += 1
-        all = counted(own)
+        all = block_prefix_count(own)
         at = w * W.points + all[0]
         for i in range(w * W.points + begin, w * W.points + end):
             if s.count[i] > 0:
@@ -92,9 +92,9 @@ def list_touches(real, threads: int, module):
             W.many[w] = all[1]
 
     @wp.func
-    def listed(W: Worlds, s: Slots, body: int, w: int, lane: int, into: int):
+    def list_body_contacts(W: Worlds, s: Slots, body: int, w: int, lane: int, into: int):
         """How many contacts of a body the points of a thread have; their slots from `into` on, if that is not below 0."""
-        begin, end = share(W.many[w], lane)
+        begin, end = thread_item_range(W.many[w], lane)
         own = int(0)
         for k in range(w * W.points + begin, w * W.points + end):
             i = W.point[k]
@@ -106,17 +106,17 @@ def list_touches(real, threads: int, module):
                     own += 1
         return own
 
-    def list_touches(W: Worlds, rig: Rig, s: Slots, p: Points, phase: int):
+    def list_world_contacts(W: Worlds, rig: Rig, s: Slots, p: Points, phase: int):
         w = wp.tid() / wp.static(threads)
         lane = wp.tid() - w * wp.static(threads)
         first = W.first[w]
         last = W.first[w + 1]
         if phase < 2:
-            touching(W, s, w, lane)
+            list_touching_points(W, s, w, lane)
             together()
         if phase == 1:
             for body in range(first, last):
-                all = counted(listed(W, s, body, w, lane, -1))
+                all = block_prefix_count(list_body_contacts(W, s, body, w, lane, -1))
                 if lane == 0:
                     W.count[body] = all[1]
             return
@@ -124,14 +124,14 @@ def list_touches(real, threads: int, module):
         if phase == 2:
             for body in range(lane, first, wp.static(threads)):
                 before += W.count[body]
-            all = counted(before)
+            all = block_prefix_count(before)
             before = all[1]
         start = before
         for body in range(first, last):
-            own = listed(W, s, body, w, lane, -1)
-            all = counted(own)
+            own = list_body_contacts(W, s, body, w, lane, -1)
+            all = block_prefix_count(own)
             if own > 0:
-                listed(W, s, body, w, lane, before + all[0])
+                list_body_contacts(W, s, body, w, lane, before + all[0])
             if lane == 0:
                 W.rows.first[body] = before
                 W.rows.first[body + 1] = before + all[1]
@@ -142,21 +142,21 @@ def list_touches(real, threads: int, module):
         for m in range(start + lane, before, wp.static(threads)):
             found(W.shapes, rig, s, p, m, W.rows, W.found)
 
-    return wp.kernel(list_touches, name=f"list_touches_{types(real).name}", module=module, enable_backward=False,
+    return wp.kernel(list_world_contacts, name=f"list_touches_{types(real).name}", module=module, enable_backward=False,
                      grid_stride=False, launch_bounds=threads)
 
 
 @cache
-def reaching(real):
+def star_round_funcs(real):
     """(foresee, reached): functions of body i: the star, by a team; whether the body has the momenta that the star has
     foreseen, or those before the round. first: 1 in the first round."""
-    Worlds, Rig, Slots, Points = worlds(real), whole(real), project.slots(real), structs(real)[2]
-    Table = project.tables(real)[0]
-    (gather, tell), (hub, _), solve = of_contacts(real), of_bodies(real), solving(real)
-    (energy, weight), near = energies(real), NEAR[real] ** 2
+    Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
+    Table = project.contact_tables(real)[0]
+    (gather, tell), (hub, _), solve = star_contact_funcs(real), star_body_funcs(real), star_solve_func(real)
+    (energy, weight), near = star_energy_funcs(real), NEAR[real] ** 2
 
     @wp.func
-    def foresee(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, i: int, at: wp.vec4i, first: int):
+    def foresee_body_velocity(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, i: int, at: wp.vec4i, first: int):
         n = rig.b.w.shape[0]
         if at[0] == 0:
             hub(rig, W.found, wp.float64(1.0), i, W.hubs)
@@ -167,8 +167,8 @@ def reaching(real):
         if first == 0:
             v = W.V[i]
             o = W.V[n + i]
-        meet_team(at[2], at[3])
-        own = energy(rig, i, double3(rig.now.p[i]), double3(rig.now.L[i])) + weight(rig, i, p.h)
+        team_barrier(at[2], at[3])
+        own = energy(rig, i, double_vec3(rig.now.p[i]), double_vec3(rig.now.L[i])) + weight(rig, i, p.h)
         kg = wp.vec3d(wp.float64(p.h), wp.float64(p.g), wp.float64(1e-6 * near) * own)
         left = real(0.0)
         v, o, left = solve(W.rows, W.hubs, i, at, kg, v, o)
@@ -178,38 +178,39 @@ def reaching(real):
             W.V[i] = v
             W.V[n + i] = o
             W.left[i] = left
-            W.was[i] = double3(rig.now.p[i])
-            W.was[n + i] = double3(rig.now.L[i])
+            W.was[i] = double_vec3(rig.now.p[i])
+            W.was[n + i] = double_vec3(rig.now.L[i])
             W.aim[i] = W.was[i]
             W.aim[n + i] = W.was[n + i]
             if W.rows.first[i + 1] > W.rows.first[i]:
                 W.aim[i] = (W.found.ahead[i] + v) / wp.float64(rig.b.w[i])
-                W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double3(rig.b.inverse[i]), W.found.ahead[n + i] + o)
+                W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double_vec3(rig.b.inverse[i]),
+                                              W.found.ahead[n + i] + o)
 
     @wp.func
-    def reached(W: Worlds, rig: Rig, i: int, h: real):
+    def foreseen_momentum_reached(W: Worlds, rig: Rig, i: int, h: real):
         n = rig.b.w.shape[0]
         p = W.aim[i]
         L = W.aim[n + i]
-        own = double3(rig.now.p[i])
-        turning = double3(rig.now.L[i])
+        own = double_vec3(rig.now.p[i])
+        turning = double_vec3(rig.now.L[i])
         off = wp.min(energy(rig, i, own - p, turning - L), energy(rig, i, own - W.was[i], turning - W.was[n + i]))
         all = energy(rig, i, p, L) + energy(rig, i, W.found.total[i], W.found.total[n + i]) + weight(rig, i, h)
         return off <= wp.float64(near) * all
 
-    return foresee, reached
+    return foresee_body_velocity, foreseen_momentum_reached
 
 
 @cache
-def sweeping(kinds: Sequence[Kind], real, together, threads: int):
+def world_sweep_func(kinds: Sequence[ConstraintKind], real, together, threads: int):
     """Function: a sweep over the constraints of a world, colour by colour."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
-    def over(kind: Kind):
+    def sweep_of_kind(kind: ConstraintKind):
         colours, start, item, solve = kind.colours, kind.start, kind.item, kind.solve
 
         @wp.func
-        def sweep(w: int, lane: int, k: int, h: real, rig: Rig):
+        def sweep_world_constraints(w: int, lane: int, k: int, h: real, rig: Rig):
             for colour in range(colours(rig)):
                 last = start(colour + 1, rig)
                 slot = start(colour, rig) + lane
@@ -226,23 +227,24 @@ def sweeping(kinds: Sequence[Kind], real, together, threads: int):
                     slot += stride
                 together()
 
-        return sweep
+        return sweep_world_constraints
 
-    return over(kinds[-1])
+    return sweep_of_kind(kinds[-1])
 
 
 @cache
-def rounds(kinds: Sequence[Kind], real, threads: int, module):
+def touch_round_kernel(kinds: Sequence[ConstraintKind], real, threads: int, module):
     """Kernel over threads of worlds: so many rounds. steps: substep, sweeps in a round, rounds, and 1 where the first of them
     is the first of an iteration. kinds: of constraints between bodies, contacts alone."""
-    t, Worlds, Rig, Slots, Points = types(real), worlds(real), whole(real), project.slots(real), structs(real)[2]
-    Table, Reach = project.tables(real)
-    together = block.alone if threads == 1 else block.meet
-    (foresee, reached), take, projected = reaching(real), of_bodies(real)[1], project.projecting(real)
-    sweep, near = sweeping(kinds, real, together, threads), NEAR[real] ** 2
+    t, Worlds, Rig, Slots, Points = (types(real), world_type(real), rig_type(real), project.slot_type(real),
+                                     touch_structs(real)[2])
+    Table, Reach = project.contact_tables(real)
+    together = block.no_barrier if threads == 1 else block.block_barrier
+    (foresee, reached), take, projected = star_round_funcs(real), star_body_funcs(real)[1], project.point_projection_func(real)
+    sweep, near = world_sweep_func(kinds, real, together, threads), NEAR[real] ** 2
 
     @wp.func
-    def place_points(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, w: int, lane: int):
+    def project_world_points(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, w: int, lane: int):
         """Contacts of the points of a world, once; 1 where a point of several has moved."""
         moved = int(0)
         for k in range(w * W.points + lane, w * W.points + W.many[w], wp.static(threads)):
@@ -264,7 +266,7 @@ def rounds(kinds: Sequence[Kind], real, threads: int, module):
         lane = wp.tid() - w * wp.static(threads)
         first = W.first[w]
         last = W.first[w + 1]
-        each, count = teams(wp.static(threads), last - first)
+        each, count = split_into_teams(wp.static(threads), last - first)
         team = lane / (32 * each)
         at = wp.vec4i(lane - team * 32 * each, wp.min(wp.static(threads), 32 * each), each, team)
         going = W.going[w]
@@ -284,7 +286,7 @@ def rounds(kinds: Sequence[Kind], real, threads: int, module):
                     foresee(c, s, p, W, rig, i, at, fresh)
                 fresh = int(0)
                 together()
-                going = any_of(place_points(c, reach, s, p, W, w, lane))
+                going = any_of(project_world_points(c, reach, s, p, W, w, lane))
                 for i in range(first + team, last, count):
                     take(W.rows, p.push, W.found, 0, i, at, rig)
                 together()

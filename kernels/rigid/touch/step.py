@@ -12,27 +12,27 @@ from collections.abc import Callable, Sequence
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.impact import impacts
-from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.impact import impact_func
+from wsim.kernels.rigid.kinds import ConstraintKind, acts_of_kind, at_once_func, by_colour, walk_in_turn_func
 from wsim.kernels.rigid.passes import over_bodies
 
 
-def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
+def touch_step(kinds: Sequence[ConstraintKind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                bouncing: bool = False, linked: bool = False) -> list:
     """Kernels begin and end, and `ready` if linked bodies bounce, for substep steps[0] of a frame, of h [s]; the other
     arguments as of `passes.substeps`."""
-    Rig, act = whole(real), [acts(kind, real) for kind in kinds]
+    Rig, act = rig_type(real), [acts_of_kind(kind, real) for kind in kinds]
     begun, placed, ended = over_bodies(real)
-    prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
-    warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
-    solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    prepare = walk_in_turn_func([at_once_func(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
+    warm = walk_in_turn_func([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    solve = walk_in_turn_func([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
     apart = bouncing and linked
     if bouncing and not apart:
-        thrown = impacts(kinds[-1], meet, real)
+        impact_step_or_none = impact_func(kinds[-1], meet, real)
     else:
         @wp.func
-        def thrown(i: int, threads: int, k: int, h: real, rig: Rig):
+        def impact_step_or_none(i: int, threads: int, k: int, h: real, rig: Rig):
             return
 
     def rigid_touch_begin(steps: wp.vec3i, h: real, threads: int, rig: Rig):
@@ -42,7 +42,7 @@ def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int
         meet()
         prepare(i, threads, k, h, 1, rig)
         meet()
-        thrown(i, threads, k, h, rig)
+        impact_step_or_none(i, threads, k, h, rig)
         begun(i, threads, h, rig)
         meet()
         warm(i, threads, k, h, 1, rig)
@@ -63,23 +63,24 @@ def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int
         solve(i, threads, k, h, 0, rig)
 
     passes = rigid_touch_begin, rigid_touch_end, *[rigid_touch_ready] * apart
-    return [kernel(each, module, threads, cluster) for each in passes]
+    return [block_launch_kernel(each, module, threads, cluster) for each in passes]
 
 
-def kernel(function, module, threads: int, cluster: int):
+def block_launch_kernel(function, module, threads: int, cluster: int):
     """A kernel of threads that meet."""
     more = {"launch_bounds": threads} if threads else {}
     more |= {"cluster_dim": cluster} if cluster else {}
     return wp.kernel(function, name=function.__name__, module=module, enable_backward=False, grid_stride=False, **more)
 
 
-def touch_sweep(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing=False):
+def touch_sweep(kinds: Sequence[ConstraintKind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
+                bouncing=False):
     """Kernel of steps[2] sweeps of substep steps[0]; the other arguments as of `touch_step`."""
-    Rig, act = whole(real), [acts(kind, real) for kind in kinds]
-    solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    Rig, act = rig_type(real), [acts_of_kind(kind, real) for kind in kinds]
+    solve = walk_in_turn_func([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
 
     def rigid_touch_sweep(steps: wp.vec3i, h: real, threads: int, rig: Rig):
         for _sweep in range(steps[2]):
             solve(wp.tid(), threads, steps[0], h, 1, rig)
 
-    return kernel(rigid_touch_sweep, module, threads, cluster)
+    return block_launch_kernel(rigid_touch_sweep, module, threads, cluster)

@@ -8,13 +8,13 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.rotation import multiply, normalized, rotate
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.motion import double, double3, free_rotation
-from wsim.kernels.rigid.touch.strands import Carried, lasting
-from wsim.kernels.rods.contact import FAR, Colliders, touching
-from wsim.kernels.rods.edges.flanks import Flanks, flanking
-from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
+from wsim.kernels.math.rotation import multiply_rotations, rotate_vector, unit_quaternion
+from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.motion import double_quat, double_vec3, free_rotor_step
+from wsim.kernels.rigid.touch.strands import RodBodies, mean_drag_factor
+from wsim.kernels.rods.contact import FAR, Colliders, strand_touch_functions
+from wsim.kernels.rods.edges.edge_contact_points import EdgePlaces, edge_flank_functions
+from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial
 
 AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a place and a body in a substep, within which they count as near
 
@@ -22,27 +22,27 @@ SITES = wp.constant(3)                   # of a row: a point, two places within 
 
 
 @cache
-def places(real, module: str):
+def strand_body_kernels(real, module: str):
     """Kernels over bodies, where they are and go; over shapes, with them."""
-    Rig = whole(real)
+    Rig = rig_type(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def place_bodies(rig: Rig, W: Carried, B: Borne):
+    def place_strand_bodies(rig: Rig, W: RodBodies, B: RodContacts):
         i = wp.tid()
         B.left[i] = wp.float64(0.0)
         B.ahead[i] = wp.float64(0.0)
         B.gain[i] = wp.float64(0.0)
-        q = normalized(double(rig.now.q[i], rig.now.o[i]))
+        q = unit_quaternion(double_quat(rig.now.q[i], rig.now.o[i]))
         m = wp.float64(1.0) / wp.float64(rig.b.w[i])
-        x = W.begin[i] + double3(rig.now.x[i]) + double3(rig.now.e[i])
-        inverse = double3(rig.b.inverse[i])
-        one = wp.float64(1.0) / lasting(rig.b.spin_drag[i], W.h)
+        x = W.begin[i] + double_vec3(rig.now.x[i]) + double_vec3(rig.now.e[i])
+        inverse = double_vec3(rig.b.inverse[i])
+        one = wp.float64(1.0) / mean_drag_factor(rig.b.spin_drag[i], W.h)
         R = wp.quat_to_matrix(q)
         W.c0[i] = x
         W.q0[i] = q
-        W.c1[i] = x + double3(rig.now.p[i]) * (W.h / m)
-        W.q1[i] = free_rotation(q, double3(rig.now.L[i]), inverse, W.h)
-        W.m[i] = m / lasting(rig.b.drag[i], W.h)
+        W.c1[i] = x + double_vec3(rig.now.p[i]) * (W.h / m)
+        W.q1[i] = free_rotor_step(q, double_vec3(rig.now.L[i]), inverse, W.h)
+        W.m[i] = m / mean_drag_factor(rig.b.drag[i], W.h)
         W.J[i] = R * wp.diag(wp.vec3d(one / inverse[0], one / inverse[1], one / inverse[2])) * wp.transpose(R)
         for j in range(2):
             W.xi[i, j] = wp.vec3d()
@@ -59,25 +59,25 @@ def places(real, module: str):
         return wp.quatd(k * a[0], k * a[1], k * a[2], wp.cos(half * size))
 
     @wp.kernel(module=module, enable_backward=False)
-    def pose_shapes(W: Carried):
+    def pose_shapes(W: RodBodies):
         c = wp.tid()
         i = W.body[c]
         own = wp.transform_get_translation(W.place[c])
         turn = wp.transform_get_rotation(W.place[c])
-        q = multiply(small_turn(W.xi[i, 1]), W.q1[i])
-        W.pose0[c] = wp.transformd(W.c0[i] + rotate(W.q0[i], own), multiply(W.q0[i], turn))
-        at = multiply(q, turn)
-        x = W.c1[i] + W.xi[i, 0] + rotate(q, own)
+        q = multiply_rotations(small_turn(W.xi[i, 1]), W.q1[i])
+        W.pose0[c] = wp.transformd(W.c0[i] + rotate_vector(W.q0[i], own), multiply_rotations(W.q0[i], turn))
+        at = multiply_rotations(q, turn)
+        x = W.c1[i] + W.xi[i, 0] + rotate_vector(q, own)
         W.pose1[c] = wp.transformd(x, at)
         size = W.size[c]
-        x = x + rotate(at, wp.vec3d(size[0], size[1], size[2]))
+        x = x + rotate_vector(at, wp.vec3d(size[0], size[1], size[2]))
         W.ball[c] = wp.vec4d(x[0], x[1], x[2], size[3])
 
-    return place_bodies, pose_shapes
+    return place_strand_bodies, pose_shapes
 
 
 @wp.struct
-class Spot:
+class RodSpot:
     """A place of a strand: a point (site 0), or one of two within the edge behind it (sites 1 and 2, 0 < u < 1)."""
 
     i: int
@@ -93,8 +93,8 @@ class Spot:
 
 
 @wp.func
-def spot(S: Strands, Q: Motion, T: Trial, i: int, k: int, site: int, u: wp.float64):
-    s = Spot()
+def strand_spot(S: RodTable, Q: RodMotion, T: RodTrial, i: int, k: int, site: int, u: wp.float64):
+    s = RodSpot()
     s.i = i
     s.k = k
     s.site = site
@@ -114,14 +114,14 @@ def spot(S: Strands, Q: Motion, T: Trial, i: int, k: int, site: int, u: wp.float
 
 
 @cache
-def meeting(kinds: tuple[str, ...]):
+def strand_shape_funcs(kinds: tuple[str, ...]):
     """Functions (C, W, s, margin, c) -> how deep a place of a strand is in a shape [m], less than -FAR where it is in another
-    world or farther than a margin, and the normal; (C, S, T, W, margin, c, i, k) -> `Flanks` of the edge behind a point. kinds:
-    of shapes, which C has as colliders without frames."""
-    signed, flanks = touching(kinds).signed, flanking(kinds).flanks
+    world or farther than a margin, and the normal; (C, S, T, W, margin, c, i, k) -> `EdgePlaces` of the edge behind a point.
+    kinds: of shapes, which C has as colliders without frames."""
+    signed, flanks = strand_touch_functions(kinds).signed, edge_flank_functions(kinds).flanks
 
     @wp.func
-    def depth(C: Colliders, W: Carried, s: Spot, margin: wp.float64, c: int):
+    def spot_depth_in_shape(C: Colliders, W: RodBodies, s: RodSpot, margin: wp.float64, c: int):
         deep = -FAR - FAR
         n = wp.vec3d()
         ball = W.ball[c]
@@ -133,8 +133,8 @@ def meeting(kinds: tuple[str, ...]):
         return deep, n
 
     @wp.func
-    def span(C: Colliders, S: Strands, T: Trial, W: Carried, margin: wp.float64, c: int, i: int, k: int):
-        found = Flanks()
+    def edge_span_in_shape(C: Colliders, S: RodTable, T: RodTrial, W: RodBodies, margin: wp.float64, c: int, i: int, k: int):
+        found = EdgePlaces()
         half = wp.float64(0.5)
         x0 = T.x[i, k] + S.origin[k]
         x1 = T.x[i + 1, k] + S.origin[k]
@@ -148,24 +148,25 @@ def meeting(kinds: tuple[str, ...]):
             found.b.n = wp.transform_vector(W.pose1[c], found.b.n)
         return found
 
-    return depth, span
+    return spot_depth_in_shape, edge_span_in_shape
 
 
 @cache
-def nearing(kinds: tuple[str, ...], module: str):
+def near_body_kernels(kinds: tuple[str, ...], module: str):
     """Kernels over points, and the edges behind them: whether a body may be met in a substep; in a world where one may, nothing
     carries on the step before. word: 1 if there is such a world. kinds: as above."""
-    depth, span = meeting(kinds)
+    depth, span = strand_shape_funcs(kinds)
 
     @wp.func
-    def went(W: Carried, c: int):
+    def shape_way_bound(W: RodBodies, c: int):
         """Way of a shape in the substep, at most [m]."""
         j = W.body[c]
         turn = wp.quat_to_matrix(W.q1[j]) - wp.quat_to_matrix(W.q0[j])       # |(R1 - R0) r| <= |R1 - R0| |r|
         return wp.length(W.c1[j] - W.c0[j]) + wp.sqrt(wp.ddot(turn, turn)) * W.size[c][3]
 
     @wp.kernel(module=module, enable_backward=False)
-    def near_bodies(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, word: wp.array(dtype=int)):
+    def near_bodies(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, W: RodBodies, B: RodContacts,
+                    word: wp.array(dtype=int)):
         p = wp.tid()
         m = S.points.shape[0]
         i = p / m
@@ -179,22 +180,22 @@ def nearing(kinds: tuple[str, ...], module: str):
         T.firm[i, k] = wp.mat33d()
         T.bridge[i, k] = wp.mat33d()
         if i < S.points[k]:
-            s = spot(S, Q, T, i, k, 0, wp.float64(0.0))
+            s = strand_spot(S, Q, T, i, k, 0, wp.float64(0.0))
             way = wp.length(s.way) + s.radius
             for c in range(W.body.shape[0]):
-                margin = AHEAD * (way + went(W, c))
+                margin = AHEAD * (way + shape_way_bound(W, c))
                 deep, n = depth(C, W, s, margin, c)
                 met = deep > -margin
                 if not met and i + 1 < S.points[k]:
                     far = wp.max(way, wp.length(T.x[i + 1, k] - Q.x[i + 1, k]) + S.radius[i + 1, k])
-                    edge = span(C, S, T, W, AHEAD * (far + went(W, c)), c, i, k)
+                    edge = span(C, S, T, W, AHEAD * (far + shape_way_bound(W, c)), c, i, k)
                     met = edge.a.u + edge.b.u > wp.float64(0.0)
                 if met:
                     wp.atomic_max(B.near, W.strand[k], 1)
                     wp.atomic_max(word, 0, 1)
 
     @wp.kernel(module=module, enable_backward=False)
-    def anew(S: Strands, W: Carried, B: Borne, Q: Motion):
+    def restart_near_strands(S: RodTable, W: RodBodies, B: RodContacts, Q: RodMotion):
         p = wp.tid()
         m = S.points.shape[0]
         i = p / m
@@ -202,4 +203,4 @@ def nearing(kinds: tuple[str, ...], module: str):
         if B.near[W.strand[k]] == 1:
             Q.begun[i, k] = 0
 
-    return near_bodies, anew
+    return near_bodies, restart_near_strands

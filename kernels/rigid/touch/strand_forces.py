@@ -1,5 +1,5 @@
 """Forces of rigid bodies on strands, on their points by the law of kernels/rods/contact.py, and within their edges by that of
-kernels/rods/edges/flanks.py. What bodies then do: kernels/rigid/touch/strands.py.
+kernels/rods/edges/edge_contact_points.py. What bodies then do: kernels/rigid/touch/strands.py.
 
     k = max(STIFF m / h^2, FIRM A, min(M / h^2, A))      M: of the body, A: E A over the edge's length; what lies on a rope
                                                          sinks by g h^2 / n on n points, or by its strain, in edges
@@ -17,20 +17,29 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rigid.touch.strand_contacts import SITES, Spot, meeting, spot
-from wsim.kernels.rigid.touch.strands import Carried
-from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, bound, friction, rub
-from wsim.kernels.rods.contact import press as pressing
-from wsim.kernels.rods.edges.flanks import Flank
-from wsim.kernels.rods.edges.sites import beneath
-from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
+from wsim.kernels.rigid.touch.strand_contacts import SITES, RodSpot, strand_shape_funcs, strand_spot
+from wsim.kernels.rigid.touch.strands import RodBodies
+from wsim.kernels.rods.contact import (
+    FIRM,
+    SOFT,
+    STIFF,
+    Colliders,
+    RodTouch,
+    add_bristle_friction,
+    friction_load_bound,
+    strand_collider_friction,
+)
+from wsim.kernels.rods.contact import soft_normal_force as pressing
+from wsim.kernels.rods.edges.edge_contact_law import depth_beneath_ends
+from wsim.kernels.rods.edges.edge_contact_points import EdgePlace
+from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial
 
 LATE = wp.constant(30)                   # iterations behind which the load of friction is a new one in each of AGAIN alone
 AGAIN = wp.constant(20)
 
 
 @wp.struct
-class Deepest:
+class DeepestContact:
     """The contact of a site that is deepest: shape, number in its row, normal, u, normal force [N], how deep [m]. 0 N: none."""
 
     shape: int
@@ -42,25 +51,25 @@ class Deepest:
 
 
 @wp.func
-def deeper(to: Deepest, other: Deepest):
+def deeper_contact(to: DeepestContact, other: DeepestContact):
     if other.N > to.N:
         return other
     return to
 
 
 @wp.func
-def stiffness(W: Carried, j: int, s: Spot):
+def body_contact_stiffness(W: RodBodies, j: int, s: RodSpot):
     """k, see above, of a place in body j [N/m]."""
     hh = W.h * W.h
     return wp.max(wp.max(STIFF * s.m / hh, FIRM * s.A), wp.min(W.m[j] / hh, s.A))
 
 
 @wp.func
-def press(W: Carried, B: Borne, s: Spot, n: wp.vec3d, deep: wp.float64, c: int):
+def add_body_contact(W: RodBodies, B: RodContacts, s: RodSpot, n: wp.vec3d, deep: wp.float64, c: int):
     """A contact more, of a place so deep in shape c."""
     j = W.body[c]
     p = s.i * W.strand.shape[0] + s.k
-    N, slope = pressing(stiffness(W, j, s), SOFT * s.radius, deep)
+    N, slope = pressing(body_contact_stiffness(W, j, s), SOFT * s.radius, deep)
     number = B.many[p]
     B.many[p] = number + 1
     if number < B.body.shape[1]:
@@ -69,7 +78,7 @@ def press(W: Carried, B: Borne, s: Spot, n: wp.vec3d, deep: wp.float64, c: int):
         B.f[p, number] = n * N
         B.K[p, number] = wp.outer(n, n) * slope
         B.arm[p, number] = s.x - (W.c1[j] + W.xi[j, 0])
-    to = Deepest()
+    to = DeepestContact()
     to.n = n
     to.shape = c
     to.number = number
@@ -80,7 +89,7 @@ def press(W: Carried, B: Borne, s: Spot, n: wp.vec3d, deep: wp.float64, c: int):
 
 
 @wp.func
-def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot):
+def add_body_friction(C: Colliders, S: RodTable, W: RodBodies, B: RodContacts, to: DeepestContact, s: RodSpot):
     """Friction of a site with a shape, in a contact of its own if there is one."""
     p = s.i * W.strand.shape[0] + s.k
     B.N[p, s.site] = to.N
@@ -99,64 +108,64 @@ def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot)
     elif s.site == 2:
         stick = W.stick2[s.i, s.k]
         load = W.load2[s.i, s.k]
-    load = bound(load, s.m, s.v - (W.c1[j] - W.c0[j]) / W.h, S.gravity[s.k], to.n, B.N[p, s.site], W.h * W.h)
+    load = friction_load_bound(load, s.m, s.v - (W.c1[j] - W.c0[j]) / W.h, S.gravity[s.k], to.n, B.N[p, s.site], W.h * W.h)
     if B.load[p, s.site] > wp.float64(0.0):
         load = B.load[p, s.site]
     B.load[p, s.site] = load
-    t = Touch()
+    t = RodTouch()
     t.f = B.f[p, to.number]
     t.K = B.K[p, to.number]
     slip = stick + slid
     lean = wp.normalize(slip - to.n * wp.dot(to.n, slip)) * wp.float64(1 - wp.min(B.rough[W.strand[s.k]], 1))
-    t = rub(t, to.n, slip, load, stiffness(W, j, s), friction(C, S, c, s.k), lean)
+    t = add_bristle_friction(t, to.n, slip, load, body_contact_stiffness(W, j, s), strand_collider_friction(C, S, c, s.k), lean)
     B.f[p, to.number] = t.f
     B.K[p, to.number] = t.K
     B.s[p, s.site] = t.s
 
 
 @cache
-def meet(kinds: tuple[str, ...], module: str):
+def body_contact_kernels(kinds: tuple[str, ...], module: str):
     """Kernels over points, and the edges behind them: contacts with bodies in the trial; what they come to on points. full[0]:
     most contacts of a point and its edge, where there is no room for them. kinds: of shapes, which C has as colliders without
     frames."""
-    depth, span = meeting(kinds)
+    depth, span = strand_shape_funcs(kinds)
 
     @wp.func
-    def meet_point(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, i: int, k: int):
-        to = Deepest()
-        s = spot(S, Q, T, i, k, 0, wp.float64(0.0))
+    def meet_point(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, W: RodBodies, B: RodContacts, i: int, k: int):
+        to = DeepestContact()
+        s = strand_spot(S, Q, T, i, k, 0, wp.float64(0.0))
         w = SOFT * s.radius
         for c in range(W.body.shape[0]):
             deep, n = depth(C, W, s, w, c)
             if deep > -w:
-                to = deeper(to, press(W, B, s, n, deep, c))
-        rubbed(C, S, W, B, to, s)
+                to = deeper_contact(to, add_body_contact(W, B, s, n, deep, c))
+        add_body_friction(C, S, W, B, to, s)
 
     @wp.func
-    def meet_place(C: Colliders, W: Carried, B: Borne, s: Spot, at: Flank, ends: wp.float64, c: int):
+    def meet_place(C: Colliders, W: RodBodies, B: RodContacts, s: RodSpot, at: EdgePlace, ends: wp.float64, c: int):
         w = SOFT * s.radius
-        deep = beneath(at.phi, ends, s.radius + C.thick[c], w)
-        to = Deepest()
+        deep = depth_beneath_ends(at.phi, ends, s.radius + C.thick[c], w)
+        to = DeepestContact()
         if at.u > wp.float64(0.0) and deep > -w:
-            to = press(W, B, s, at.n, deep, c)
+            to = add_body_contact(W, B, s, at.n, deep, c)
         return to
 
     @wp.func
-    def meet_edge(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, i: int, k: int):
-        a = Deepest()
-        b = Deepest()
-        most = Deepest()
-        less = Deepest()
+    def meet_edge(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, W: RodBodies, B: RodContacts, i: int, k: int):
+        a = DeepestContact()
+        b = DeepestContact()
+        most = DeepestContact()
+        less = DeepestContact()
         thick = wp.max(S.radius[i, k], S.radius[i + 1, k])
         for c in range(W.body.shape[0]):
             to = span(C, S, T, W, SOFT * thick, c, i, k)
-            x = meet_place(C, W, B, spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, c)
-            y = meet_place(C, W, B, spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, c)
-            a = deeper(a, x)
-            b = deeper(b, y)
-            both = deeper(x, y)
+            x = meet_place(C, W, B, strand_spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, c)
+            y = meet_place(C, W, B, strand_spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, c)
+            a = deeper_contact(a, x)
+            b = deeper_contact(b, y)
+            both = deeper_contact(x, y)
             both.N = x.N + y.N
-            less = deeper(less, both)
+            less = deeper_contact(less, both)
             if both.N > most.N:
                 less = most
                 most = both
@@ -166,11 +175,12 @@ def meet(kinds: tuple[str, ...], module: str):
             if less.u < most.u:
                 a = less
                 b = most
-        rubbed(C, S, W, B, a, spot(S, Q, T, i, k, 1, a.u))
-        rubbed(C, S, W, B, b, spot(S, Q, T, i, k, 2, b.u))
+        add_body_friction(C, S, W, B, a, strand_spot(S, Q, T, i, k, 1, a.u))
+        add_body_friction(C, S, W, B, b, strand_spot(S, Q, T, i, k, 2, b.u))
 
     @wp.kernel(module=module, enable_backward=False)
-    def meet_bodies(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, full: wp.array(dtype=int)):
+    def meet_bodies(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, W: RodBodies, B: RodContacts,
+                    full: wp.array(dtype=int)):
         p = wp.tid()
         i = p / S.points.shape[0]
         k = p - i * S.points.shape[0]
@@ -190,7 +200,7 @@ def meet(kinds: tuple[str, ...], module: str):
                 wp.atomic_max(full, 0, B.many[p])
 
     @wp.kernel(module=module, enable_backward=False)
-    def gather_bodies(S: Strands, W: Carried, B: Borne, T: Trial):
+    def gather_bodies(S: RodTable, W: RodBodies, B: RodContacts, T: RodTrial):
         p = wp.tid()
         m = S.points.shape[0]
         i = p / m

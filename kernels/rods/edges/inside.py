@@ -1,5 +1,5 @@
 """Contact of a strand's edges with colliders, between their points: the law of kernels/rods/contact.py at two places of an edge
-(kernels/rods/edges/flanks.py), with forces b f on its points and stiffness b b^T K, b = (1 - y, y).
+(kernels/rods/edges/edge_contact_points.py), with forces b f on its points and stiffness b b^T K, b = (1 - y, y).
 
     e = deep_u - w - max(-w, deep_i, deep_i+1)         deep = r - phi: what the points of an edge do not meet by themselves
 
@@ -24,26 +24,35 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.collider.colliders import into
+from wsim.kernels.contact.collider.colliders import into_pose_frame
 from wsim.kernels.rods.contact import CLEAR, FAR, MET, SOFT, Colliders
-from wsim.kernels.rods.edges.flanks import flanking
-from wsim.kernels.rods.edges.sites import Edge, Faced, Site, end, fill, meet, paired, spread
-from wsim.kernels.rods.tables import Motion, Strands, Trial
+from wsim.kernels.rods.edges.edge_contact_law import (
+    EdgeSite,
+    FacedEdge,
+    RodEdge,
+    add_force_on_edge,
+    add_pressing_collider,
+    end_edge_site,
+    fill_edge_rows,
+    press_edge_site,
+)
+from wsim.kernels.rods.edges.edge_contact_points import edge_flank_functions
+from wsim.kernels.rods.tables import RodMotion, RodTable, RodTrial
 
 DRAWN = wp.constant(wp.float64(0.25))        # of its length: how far outside an edge that is pressed still is
 
 
 @cache
-def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
+def inside_edge_functions(kinds: tuple[str, ...]) -> SimpleNamespace:
     """Functions of the edge behind a point in the substep at: clear(C, S, T, at, i, k) -> True where it touches nothing, as its
     ends say, which T.edge remembers; else touch(C, S, Q, T, hh, at, i, k) -> Inside, hh: h^2, of which T.inside and T.bristle
     remember what lasts. kinds: of colliders.
 
     Rows of T that edges have of their first places stand behind those of points, of their second behind these."""
-    flanks, turns = flanking(kinds).flanks, flanking(kinds).turns
+    flanks, turns = edge_flank_functions(kinds).flanks, edge_flank_functions(kinds).turns
 
     @wp.func
-    def clear(C: Colliders, S: Strands, T: Trial, at: int, i: int, k: int):
+    def edge_is_clear(C: Colliders, S: RodTable, T: RodTrial, at: int, i: int, k: int):
         had = T.edge[i, k]
         if had == MET:
             if not T.hit:
@@ -56,47 +65,48 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
         for c in range(C.kind.shape[0]):
             frame = C.pose[at + 1, c]
-            if turns(C, c, at, into(frame, x0), into(frame, x1), reach + C.thick[c]):
+            if turns(C, c, at, into_pose_frame(frame, x0), into_pose_frame(frame, x1), reach + C.thick[c]):
                 return False
         if had != CLEAR:
             T.edge[i, k] = CLEAR
         return True
 
     @wp.func
-    def face(C: Colliders, S: Strands, Q: Motion, T: Trial, F: Faced, E: Edge, c: int, again: int):
+    def press_edge_on_collider(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, F: FacedEdge, E: RodEdge, c: int,
+                               again: int):
         """The edge with what collider c does to it; again: that pressed with others, for its friction alone, 1: at the first
         site, 2: at the second."""
         zero = wp.float64(0.0)
         frame = C.pose[E.at + 1, c]
-        both = flanks(C, c, E.at, into(frame, E.x0), into(frame, E.x1), E.reach + C.thick[c])
+        both = flanks(C, c, E.at, into_pose_frame(frame, E.x0), into_pose_frame(frame, E.x1), E.reach + C.thick[c])
         E.ends = both.ends
         if both.a.u + both.b.u > zero and F.now == CLEAR:
             F.now = MET
             if E.had != MET:
-                fill(T, E.had, E.i, E.k)
+                fill_edge_rows(T, E.had, E.i, E.k)
         one = F.first
         if again > 0:
-            one = Site()
+            one = EdgeSite()
         force = zero
         if both.a.u > zero:
-            one, N, slope = meet(C, S, Q, T, one, both.a, E, c)
+            one, N, slope = press_edge_site(C, S, Q, T, one, both.a, E, c)
             n = wp.transform_vector(frame, both.a.n)
             force = N
             if again == 0:
-                F.to = spread(F.to, n * N, wp.outer(n, n) * slope, both.a.y)
+                F.to = add_force_on_edge(F.to, n * N, wp.outer(n, n) * slope, both.a.y)
         two = one
         if again == 0:
             two = F.second
         if both.b.u > zero:
-            two, N2, slope2 = meet(C, S, Q, T, two, both.b, E, c)
+            two, N2, slope2 = press_edge_site(C, S, Q, T, two, both.b, E, c)
             n2 = wp.transform_vector(frame, both.b.n)
             force += N2
             if again == 0:
-                F.to = spread(F.to, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)
+                F.to = add_force_on_edge(F.to, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)
         if again == 0:
             F.first = one
             F.second = two
-            F.pair = paired(F.pair, c, force, wp.max(both.a.y, both.b.y))
+            F.pair = add_pressing_collider(F.pair, c, force, wp.max(both.a.y, both.b.y))
         else:
             two.more = force - two.N
             if again == 1:
@@ -106,8 +116,8 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         return F
 
     @wp.func
-    def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
-        edge = Edge()
+    def touch_inside_edge(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, hh: wp.float64, at: int, i: int, k: int):
+        edge = RodEdge()
         edge.i = i
         edge.k = k
         edge.at = at
@@ -116,7 +126,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         edge.x1 = T.x[i + 1, k] + S.origin[k]
         edge.had = T.edge[i, k]
         edge.reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
-        F = Faced()
+        F = FacedEdge()
         F.now = CLEAR
         F.first.side.deep = -FAR
         F.second.side.deep = -FAR
@@ -132,7 +142,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             c = j
             if j >= colliders:
                 c = wp.where((j == colliders) == (F.pair.y < F.pair.z), F.pair.first, F.pair.second)
-            F = face(C, S, Q, T, F, edge, c, wp.max(j + 1 - colliders, 0))
+            F = press_edge_on_collider(C, S, Q, T, F, edge, c, wp.max(j + 1 - colliders, 0))
             j += 1
             if j == colliders and F.pair.less > zero:
                 count = colliders + 2
@@ -140,8 +150,8 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         if F.now != edge.had:
             T.edge[i, k] = F.now
         if F.now == MET or edge.had == MET:
-            found = end(C, S, Q, T, found, F.first, edge, 0)
-            found = end(C, S, Q, T, found, F.second, edge, 1)
+            found = end_edge_site(C, S, Q, T, found, F.first, edge, 0)
+            found = end_edge_site(C, S, Q, T, found, F.second, edge, 1)
         return found
 
-    return SimpleNamespace(clear=clear, touch=touch, name="_".join(kinds))
+    return SimpleNamespace(clear=edge_is_clear, touch=touch_inside_edge, name="_".join(kinds))

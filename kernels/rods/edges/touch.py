@@ -2,9 +2,10 @@
 
     y = sum_c b_c x_c,   e = keep - n . y,   N(e) and friction as there,   f_c = b_c f,   K_cd = b_c b_d (k n n^T + friction's)
 
-b and n are weights and normal of the closest points where the substep begins (kernels/selfcontact/closest.py), b positive on
-the first edge and negative on the second, so that forces of a pair cancel; keep is the sum of both radii, of edges of one
-strand at most a part of the length between them, and of edges that began nearer what they had, growing by `climb` a substep.
+b and n are weights and normal of the closest points where the substep begins (kernels/contact/selfcontact/closest.py), b
+positive on the first edge and negative on the second, so that forces of a pair cancel; keep is the sum of both radii, of edges
+of one strand at most a part of the length between them, and of edges that began nearer what they had, growing by `climb` a
+substep.
 
     k = max(STIFF m / h^2, E A / d):    what is pressed by a tension T sinks by about the strain T / (E A), in diameters
 
@@ -16,17 +17,17 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.contact import SOFT, STIFF, Touch, rub
-from wsim.kernels.rods.tables import Pressed
-from wsim.kernels.selfcontact import pairs
+from wsim.kernels.contact.selfcontact import pairs
+from wsim.kernels.rods.contact import SOFT, STIFF, RodTouch, add_bristle_friction
+from wsim.kernels.rods.tables import EdgePairs
 
 REAL = wp.float64
-NearPairs, Surfaces = pairs.lists(REAL), pairs.surfaces(REAL)
+NearPairs, Surfaces = pairs.pair_type(REAL), pairs.surface_type(REAL)
 FREE = wp.constant(wp.float64(1e-12))      # of what pairs keep: what is less is no distance yet
 
 
 @wp.struct
-class Way:
+class PointPaths:
     """Where points are: in the trial, where the substep begins [m], and their velocities there [m/s]; h [s]."""
 
     x: wp.array(dtype=wp.vec3d)
@@ -36,7 +37,7 @@ class Way:
 
 
 @wp.struct
-class Sides:
+class EdgePointConstants:
     """What never changes, by point."""
 
     m: wp.array(dtype=wp.float64)                  # [kg]
@@ -46,11 +47,11 @@ class Sides:
 
 
 @cache
-def lists(module: str):
+def edge_list_kernels(module: str):
     """Kernels that make `of` anew behind a search, and carry over what pairs had that were listed before. A point without room
     for all of its pairs would push others and not be pushed: then there are no pairs, and no lists, until the frame ends."""
     @wp.func
-    def before(near: NearPairs, a: int, b: int):
+    def entry_stands_before(near: NearPairs, a: int, b: int):
         """True if entry a stands before entry b."""
         p = near.ids[a / 4]
         q = near.ids[b / 4]
@@ -61,7 +62,7 @@ def lists(module: str):
         return a < b
 
     @wp.kernel(module=module, enable_backward=False)
-    def enlist(near_at: wp.array(dtype=NearPairs), to: Pressed):
+    def enlist_edge_pairs(near_at: wp.array(dtype=NearPairs), to: EdgePairs):
         near = near_at[0]
         i = wp.tid()
         if i < wp.min(near.count[0], near.capacity):
@@ -75,8 +76,8 @@ def lists(module: str):
                     to.of[p, slot] = 4 * i + c
 
     @wp.kernel(module=module, enable_backward=False)
-    def order(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), word: int, to: Pressed, said: wp.array(dtype=int),
-              words: wp.array(dtype=int)):
+    def order_edge_entries(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), word: int, to: EdgePairs,
+                           said: wp.array(dtype=int), words: wp.array(dtype=int)):
         near = near_at[0]
         p = point[wp.tid()]
         if to.many[p] > to.of.shape[1]:
@@ -85,13 +86,14 @@ def lists(module: str):
         for i in range(1, wp.min(to.many[p], to.of.shape[1])):
             own = to.of[p, i]
             j = i
-            while j > 0 and before(near, own, to.of[p, wp.max(j - 1, 0)]):
+            while j > 0 and entry_stands_before(near, own, to.of[p, wp.max(j - 1, 0)]):
                 to.of[p, j] = to.of[p, j - 1]
                 j -= 1
             to.of[p, j] = own
 
     @wp.kernel(module=module, enable_backward=False)
-    def drop(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), to: Pressed, words: wp.array(dtype=int)):
+    def drop_crowded_lists(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), to: EdgePairs,
+                           words: wp.array(dtype=int)):
         near = near_at[0]
         if words[pairs.LACKED] > 0:
             to.many[point[wp.tid()]] = 0
@@ -100,7 +102,7 @@ def lists(module: str):
             words[pairs.SOON] = 0
 
     @wp.kernel(module=module, enable_backward=False)
-    def recall(near_at: wp.array(dtype=NearPairs), old: Pressed, ids: wp.array(dtype=wp.vec4i), to: Pressed):
+    def recall_edge_pairs(near_at: wp.array(dtype=NearPairs), old: EdgePairs, ids: wp.array(dtype=wp.vec4i), to: EdgePairs):
         near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
@@ -113,15 +115,15 @@ def lists(module: str):
                 to.stick[i] = old.stick[k]
                 to.load[i] = old.load[k]
 
-    return enlist, order, drop, recall
+    return enlist_edge_pairs, order_edge_entries, drop_crowded_lists, recall_edge_pairs
 
 
 @cache
-def ready(module: str):
+def ready_pair_kernel(module: str):
     """Kernel where a substep begins: what pairs keep, and how hard they are. first: 1 in the first frame."""
     @wp.kernel(module=module, enable_backward=False)
-    def ready_pairs(near_at: wp.array(dtype=NearPairs), side: Sides, climb: wp.float64, hh: wp.float64,
-                    first: wp.array(dtype=int), to: Pressed):
+    def ready_pairs(near_at: wp.array(dtype=NearPairs), side: EdgePointConstants, climb: wp.float64, hh: wp.float64,
+                    first: wp.array(dtype=int), to: EdgePairs):
         near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
@@ -144,10 +146,10 @@ def ready(module: str):
 
 
 @cache
-def press(module: str):
+def edge_press_kernel(module: str):
     """Kernel: forces and stiffnesses of pairs; active[0] 1 where a pair presses."""
     @wp.kernel(module=module, enable_backward=False)
-    def press_edges(s: Surfaces, near_at: wp.array(dtype=NearPairs), side: Sides, way: Way, to: Pressed,
+    def press_edges(s: Surfaces, near_at: wp.array(dtype=NearPairs), side: EdgePointConstants, way: PointPaths, to: EdgePairs,
                     active: wp.array(dtype=int)):
         near = near_at[0]
         i = wp.tid()
@@ -167,7 +169,7 @@ def press(module: str):
             slid += b[c] * (way.x[q] - way.x0[q])
             speed += b[c] * way.v[q]
             mu += wp.float64(0.5) * wp.abs(b[c]) * s.friction[q]
-        t = Touch()
+        t = RodTouch()
         k = to.k[i]
         w = SOFT * to.kept[i]
         deep = to.kept[i] - wp.dot(n, y)
@@ -183,7 +185,7 @@ def press(module: str):
                 load = wp.min(t.N, wp.float64(2.0) * wp.min(side.m[o], side.m[ids[2]]) * blow)
             slip = to.stick[i] + slid
             lean = wp.normalize(slip - n * wp.dot(n, slip)) * wp.float64(1 - wp.min(to.rough[s.world[o]], 1))
-            t = rub(t, n, slip, load, k, mu, lean)
+            t = add_bristle_friction(t, n, slip, load, k, mu, lean)
             wp.atomic_max(active, 0, 1)
         to.f[i] = t.f
         to.K[i] = t.K
@@ -194,10 +196,10 @@ def press(module: str):
 
 
 @cache
-def gather(module: str):
+def edge_gather_kernel(module: str):
     """Kernel: which pairs press points, and what they add up there. next: from a point to the one behind it in flat arrays."""
     @wp.kernel(module=module, enable_backward=False)
-    def gather_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), P: Pressed, next: int, f_out: wp.array(dtype=wp.vec3d),
+    def gather_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), P: EdgePairs, next: int, f_out: wp.array(dtype=wp.vec3d),
                      K_out: wp.array(dtype=wp.mat33d), along_out: wp.array(dtype=wp.mat33d)):
         near = near_at[0]
         p = s.point[wp.tid()]
@@ -237,10 +239,10 @@ def gather(module: str):
 
 
 @cache
-def across(module: str):
+def edge_cross_kernel(module: str):
     """Kernel: K by what each edge of a pair moves, of motions p (blocks of 4) of points."""
     @wp.kernel(module=module, enable_backward=False)
-    def cross_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), p: wp.array(dtype=wp.vec4d), to: Pressed):
+    def cross_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), p: wp.array(dtype=wp.vec4d), to: EdgePairs):
         near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
@@ -266,10 +268,10 @@ def across(module: str):
 
 
 @cache
-def keep(module: str):
+def edge_memory_kernel(module: str):
     """Kernel where a substep ends: what pairs remember of it."""
     @wp.kernel(module=module, enable_backward=False)
-    def keep_pairs(near_at: wp.array(dtype=NearPairs), to: Pressed):
+    def keep_pairs(near_at: wp.array(dtype=NearPairs), to: EdgePairs):
         near = near_at[0]
         i = wp.tid()
         if i < wp.min(near.count[0], near.capacity):

@@ -17,13 +17,13 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.block import meet
+from wsim.kernels.math.block import block_barrier
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.newton import structs
-from wsim.kernels.solver.pcg import parts, total, vectors
+from wsim.kernels.solver.newton import newton_structs
+from wsim.kernels.solver.pcg import block_sum, pcg_point_functions, pcg_vectors
 from wsim.kernels.solver.schwarz import dense
-from wsim.kernels.solver.schwarz.domains import above, restriction, works
-from wsim.kernels.solver.schwarz.setup import NODES, TWELVE, tables, weight
+from wsim.kernels.solver.schwarz.domains import restriction_functions, schwarz_works, upper_domain_functions
+from wsim.kernels.solver.schwarz.setup import NODES, TWELVE, affine_weight, schwarz_tables
 
 THREADS = 288          # of a block: rows of the three domains of a group
 
@@ -48,15 +48,15 @@ def gather_team(gate: wp.array(dtype=int), team: int, size: int):
 
 
 @cache
-def phases(real, elements: bool):
+def schwarz_phase_functions(real, elements: bool):
     """Functions of a group in an iteration, by one block: step, prolong and multiply."""
-    t, s, o, Work, Vectors = types(real), structs(real), tables(real), works(real), vectors(real)
-    side, nodes, twelve, product = dense.SIDE, NODES, TWELVE, parts(real, False, elements).product
-    moments, whole, forward, backward = restriction(real)
-    _, motions = above(real)
+    t, s, o, Work, Vectors = types(real), newton_structs(real), schwarz_tables(real), schwarz_works(real), pcg_vectors(real)
+    side, nodes, twelve, product = dense.SIDE, NODES, TWELVE, pcg_point_functions(real, False, elements).product
+    moments, whole, forward, backward = restriction_functions(real)
+    _, motions = upper_domain_functions(real)
 
     @wp.func
-    def step(g: int, alpha: real, beta: real, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work, lane: int):
+    def schwarz_step(g: int, alpha: real, beta: real, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work, lane: int):
         """y and r go on, and what the domains of the group make of r."""
         lanes = wp.block_dim()
         begin = tree.first[nodes * g]
@@ -72,21 +72,21 @@ def phases(real, elements: bool):
             at = side * (3 * g + (tree.leaf[i] % nodes) // 4) + 3 * tree.rank[i]
             for c in range(3):
                 k.into[at + c] = r[c]
-        meet()
+        block_barrier()
         moments(g, tree, m, v.r, k, lane, lanes)
-        meet()
+        block_barrier()
         whole(g, tree, m, k, lane, lanes)
         forward(g, tree, m, k, lane, lanes)
-        meet()
+        block_barrier()
         backward(g, tree, m, k, lane, lanes)
-        meet()
+        block_barrier()
 
     @wp.func
-    def prolong(g: int, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work, lane: int):
+    def schwarz_prolong(g: int, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work, lane: int):
         """z of the points of the group; part of r.z."""
         lanes = wp.block_dim()
         motions(g, tree, m, k, lane, lanes)
-        meet()
+        block_barrier()
         gamma = wp.float64(0.0)
         for n in range(tree.first[nodes * g] + lane, tree.first[nodes * g + nodes], lanes):
             i = tree.order[n]
@@ -99,14 +99,14 @@ def phases(real, elements: bool):
             arm = m.X[i] - m.X[tree.place[tree.leaf[i]]]
             for p in range(4):
                 for c in range(3):
-                    z[c] += weight(arm, p) * k.motion[at + 3 * p + c]
+                    z[c] += affine_weight(arm, p) * k.motion[at + 3 * p + c]
             z = m.S[i] * z
             v.z[i] = z
             gamma += wp.float64(wp.dot(v.r[i], z))
-        return total(gamma)
+        return block_sum(gamma)
 
     @wp.func
-    def multiply(g: int, tree: o.Tree, rows: s.Rows, A: s.Matrix, v: Vectors, lane: int):
+    def schwarz_multiply(g: int, tree: o.Tree, rows: s.Rows, A: s.Matrix, v: Vectors, lane: int):
         """w of the points of the group; part of z.w."""
         delta = wp.float64(0.0)
         for n in range(tree.first[nodes * g] + lane, tree.first[nodes * g + nodes], wp.block_dim()):
@@ -114,29 +114,29 @@ def phases(real, elements: bool):
             w = product(i, rows, A, v.z)
             v.w[i] = w
             delta += wp.float64(wp.dot(v.z[i], w))
-        return total(delta)
+        return block_sum(delta)
 
-    return step, prolong, multiply
+    return schwarz_step, schwarz_prolong, schwarz_multiply
 
 
 @wp.func
-def summed(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int):
+def sum_group_parts(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int):
     """Sum of parts first .. last, by all threads of a block."""
     sum = wp.float64(0.0)
     for g in range(first + lane, last, wp.block_dim()):
         sum += parts[g]
-    return total(sum)
+    return block_sum(sum)
 
 
 @cache
-def kernel(real, module, elements: bool = True):
+def schwarz_cg_kernel(real, module, elements: bool = True):
     """Kernel over teams of blocks: y of v becomes A^-1 f, see `Work` for the rest."""
-    t, s, o, Work, Vectors = types(real), structs(real), tables(real), works(real), vectors(real)
-    step, prolong, multiply = phases(real, elements)
-    solve_above, _ = above(real)
+    t, s, o, Work, Vectors = types(real), newton_structs(real), schwarz_tables(real), schwarz_works(real), pcg_vectors(real)
+    step, prolong, multiply = schwarz_phase_functions(real, elements)
+    solve_above, _ = upper_domain_functions(real)
 
     @wp.func
-    def precondition(b: int, who: wp.vec3i, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work):
+    def precondition_team(b: int, who: wp.vec3i, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work):
         """z of r, when all of the team have made their step; parts of r.z. who: team, block of it, thread of
         that."""
         team = who[0]
@@ -154,7 +154,7 @@ def kernel(real, module, elements: bool = True):
         gather_team(k.gate, team, k.size)
 
     @wp.func
-    def begin(b: int, who: wp.vec3i, tree: o.Tree, m: o.Blocks, f: wp.array(dtype=t.vec3), v: Vectors, k: Work):
+    def begin_schwarz_cg(b: int, who: wp.vec3i, tree: o.Tree, m: o.Blocks, f: wp.array(dtype=t.vec3), v: Vectors, k: Work):
         rank = who[1]
         lane = who[2]
         for g in range(tree.group[b] + rank, tree.group[b + 1], k.size):
@@ -166,7 +166,7 @@ def kernel(real, module, elements: bool = True):
                 v.w[i] = t.vec3()
                 v.p[i] = t.vec3()
                 v.s[i] = t.vec3()
-            meet()
+            block_barrier()
             step(g, real(0.0), real(0.0), tree, m, v, k, lane)
 
     def schwarz_cg(rows: s.Rows, A: s.Matrix, f: wp.array(dtype=t.vec3), tree: o.Tree, m: o.Blocks, v: Vectors, k: Work):
@@ -176,9 +176,9 @@ def kernel(real, module, elements: bool = True):
         rank = block - team * k.size
         who = wp.vec3i(team, rank, lane)
         for b in range(team, k.systems, k.gate.shape[0]):
-            begin(b, who, tree, m, f, v, k)
-            precondition(b, who, tree, m, v, k)
-            gamma = summed(k.gamma, tree.group[b], tree.group[b + 1], lane)
+            begin_schwarz_cg(b, who, tree, m, f, v, k)
+            precondition_team(b, who, tree, m, v, k)
+            gamma = sum_group_parts(k.gamma, tree.group[b], tree.group[b + 1], lane)
             enough = k.tolerance * k.tolerance * gamma
             before = wp.float64(1.0)
             alpha = wp.float64(1.0)
@@ -190,7 +190,7 @@ def kernel(real, module, elements: bool = True):
                     if lane == 0:
                         k.delta[g] = part
                 gather_team(k.gate, team, k.size)
-                delta = summed(k.delta, tree.group[b], tree.group[b + 1], lane)
+                delta = sum_group_parts(k.delta, tree.group[b], tree.group[b + 1], lane)
                 beta = wp.float64(0.0)
                 if count > 0:
                     beta = gamma / before
@@ -202,8 +202,8 @@ def kernel(real, module, elements: bool = True):
                 drop += alpha * gamma
                 for g in range(tree.group[b] + rank, tree.group[b + 1], k.size):
                     step(g, real(alpha), real(beta), tree, m, v, k, lane)
-                precondition(b, who, tree, m, v, k)
-                gamma = summed(k.gamma, tree.group[b], tree.group[b + 1], lane)
+                precondition_team(b, who, tree, m, v, k)
+                gamma = sum_group_parts(k.gamma, tree.group[b], tree.group[b + 1], lane)
                 count += 1
             if lane == 0 and rank == 0:
                 k.drop[b] = drop

@@ -111,27 +111,28 @@ ROOM = {"float": "__shared__ T a[N * N];", "double": "T* a = out;"}
 
 
 @cache
-def factor(real):
+def dense_factor_function(real):
     """Function: block `block` of W, which holds the upper triangle of a symmetric positive A, becomes W and its transpose.
     n: its rows, 96 at most; scratch (96 blocks,). Every thread of a block must come, lane of lanes."""
     name = "float" if real is wp.float32 else "double"
     code = FACTOR.format(real=name, lost=LOST[real], room=ROOM[name])
 
     @wp.func_native(code)
-    def factor(W: wp.array(dtype=real), scratch: wp.array(dtype=real), block: int, n: int, lane: int, lanes: int): ...
+    def factor_dense_block(W: wp.array(dtype=real), scratch: wp.array(dtype=real), block: int, n: int, lane: int,
+                           lanes: int): ...
 
-    return factor
+    return factor_dense_block
 
 
 @cache
-def product(which: str, real):
+def dense_product_function(which: str, real):
     """Function: 96 entries of out, from `at`, become W m or W^T m of the same entries of m: on CUDA the one of `row`, on the
     CPU all n. which: lower or upper."""
     cuda, cpu = PRODUCTS[which]
     code = BELOW.format(real="float" if real is wp.float32 else "double", cuda=cuda, cpu=cpu)
 
     @wp.func_native(code)
-    def product(W: wp.array(dtype=real), block: int, n: int, m: wp.array(dtype=real), at: int, row: int,
-                out: wp.array(dtype=real)): ...
+    def triangular_product(W: wp.array(dtype=real), block: int, n: int, m: wp.array(dtype=real), at: int, row: int,
+                           out: wp.array(dtype=real)): ...
 
-    return product
+    return triangular_product

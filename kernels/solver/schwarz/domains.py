@@ -12,18 +12,18 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.block import meet
+from wsim.kernels.math.block import block_barrier
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.schwarz import dense
-from wsim.kernels.solver.schwarz.setup import NODES, TWELVE, tables, weight
+from wsim.kernels.solver.schwarz.setup import NODES, TWELVE, affine_weight, schwarz_tables
 
 
 @cache
-def works(real):
+def schwarz_works(real):
     """Struct of what phases leave for each other."""
 
     @wp.struct
-    class Work:
+    class SchwarzWork:
         into: wp.array(dtype=real)           # 3 x 96 of a group: forces on points of its two domains, moments of its leaves
         mid: wp.array(dtype=real)
         out: wp.array(dtype=real)
@@ -42,17 +42,18 @@ def works(real):
         drop: wp.array(dtype=wp.float64)     # f.y of each system [J]
         count: wp.array(dtype=int)           # of each system, grows by iterations
 
-    return Work
+    return SchwarzWork
 
 
 @cache
-def restriction(real):
+def restriction_functions(real):
     """Functions of a group: moments of its leaves from r, its own moment, and products with its three W."""
-    t, o, Work = types(real), tables(real), works(real)
-    lower, upper, side, twelve, nodes = (dense.product("lower", real), dense.product("upper", real), dense.SIDE, TWELVE, NODES)
+    t, o, Work = types(real), schwarz_tables(real), schwarz_works(real)
+    lower, upper, side, twelve, nodes = (dense.dense_product_function("lower", real),
+                                         dense.dense_product_function("upper", real), dense.SIDE, TWELVE, NODES)
 
     @wp.func
-    def moments(g: int, tree: o.Tree, m: o.Blocks, r: wp.array(dtype=t.vec3), k: Work, lane: int, lanes: int):
+    def leaf_moments(g: int, tree: o.Tree, m: o.Blocks, r: wp.array(dtype=t.vec3), k: Work, lane: int, lanes: int):
         base = 3 * side * g
         for e in range(lane, side, lanes):
             leaf = nodes * g + e // twelve
@@ -62,11 +63,11 @@ def restriction(real):
             sum = real(0.0)
             for n in range(tree.first[leaf], tree.first[leaf + 1]):
                 i = tree.order[n]
-                sum += weight(m.X[i] - at, p) * r[i][c]
+                sum += affine_weight(m.X[i] - at, p) * r[i][c]
             k.into[base + 2 * side + e] = sum
 
     @wp.func
-    def whole(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
+    def group_moment(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
         base = 3 * side * g + 2 * side
         at = m.X[tree.place[k.leaves + g]]
         for e in range(lane, twelve, lanes):
@@ -81,30 +82,31 @@ def restriction(real):
             k.moment[twelve * g + e] = sum
 
     @wp.func
-    def forward(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
+    def multiply_lower_blocks(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
         for e in range(lane, wp.where(lanes == 1, 3, 3 * side), lanes):
             d = wp.where(lanes == 1, e, e // side)
             block = wp.where(d < 2, 2 * g + d, 2 * (k.leaves // nodes) + g)
             lower(m.W, block, tree.size[block], k.into, side * (3 * g + d), e % side, k.mid)
 
     @wp.func
-    def backward(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
+    def multiply_upper_blocks(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
         for e in range(lane, wp.where(lanes == 1, 3, 3 * side), lanes):
             d = wp.where(lanes == 1, e, e // side)
             block = wp.where(d < 2, 2 * g + d, 2 * (k.leaves // nodes) + g)
             upper(m.W, block, tree.size[block], k.mid, side * (3 * g + d), e % side, k.out)
 
-    return moments, whole, forward, backward
+    return leaf_moments, group_moment, multiply_lower_blocks, multiply_upper_blocks
 
 
 @cache
-def above(real):
+def upper_domain_functions(real):
     """Functions of a domain above groups: its motions from moments of groups; and of a group: motions of its leaves."""
-    o, Work = tables(real), works(real)
-    lower, upper, side, twelve, nodes = (dense.product("lower", real), dense.product("upper", real), dense.SIDE, TWELVE, NODES)
+    o, Work = schwarz_tables(real), schwarz_works(real)
+    lower, upper, side, twelve, nodes = (dense.dense_product_function("lower", real),
+                                         dense.dense_product_function("upper", real), dense.SIDE, TWELVE, NODES)
 
     @wp.func
-    def solve(q: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
+    def solve_upper_domain(q: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
         node = tree.node[q]
         block = 3 * (k.leaves // nodes) + q
         for e in range(lane, side, lanes):
@@ -119,16 +121,16 @@ def above(real):
                     v += (m.X[tree.place[k.leaves + g]] - at)[p - 1] * k.moment[twelve * g + e % 3]
                 sum += v
             k.upper[side * q + e] = sum
-        meet()
+        block_barrier()
         for e in range(lane, wp.where(lanes == 1, 1, side), lanes):
             lower(m.W, block, tree.size[block], k.upper, side * q, e, k.between)
-        meet()
+        block_barrier()
         for e in range(lane, wp.where(lanes == 1, 1, side), lanes):
             upper(m.W, block, tree.size[block], k.between, side * q, e, k.upper)
-        meet()
+        block_barrier()
 
     @wp.func
-    def motions(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
+    def leaf_motions(g: int, tree: o.Tree, m: o.Blocks, k: Work, lane: int, lanes: int):
         for e in range(lane, side, lanes):
             c = e % 3
             at = m.X[tree.place[nodes * g + e // twelve]]
@@ -144,4 +146,4 @@ def above(real):
                             sum += arm[p] * k.upper[base + 3 * (p + 1) + c]
             k.motion[side * g + e] = sum
 
-    return solve, motions
+    return solve_upper_domain, leaf_motions

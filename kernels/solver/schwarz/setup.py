@@ -23,8 +23,8 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.newton import structs
-from wsim.kernels.solver.pcg import kept
+from wsim.kernels.solver.newton import newton_structs
+from wsim.kernels.solver.pcg import range_projector
 from wsim.kernels.solver.schwarz import dense
 
 LEAF = 4               # leaves of a domain of points
@@ -33,13 +33,13 @@ TWELVE = 12            # coefficients of an affine motion
 
 
 @cache
-def tables(real) -> SimpleNamespace:
+def schwarz_tables(real) -> SimpleNamespace:
     """Tree: who is where; constant. Blocks: matrices at one d. Work: what a product leaves."""
     t = types(real)
     vec12 = wp.types.vector(TWELVE, real)
 
     @wp.struct
-    class Tree:
+    class SchwarzTree:
         order: wp.array(dtype=int)           # points by leaf, (points,)
         rank: wp.array(dtype=int)            # place of a point in its domain, (points,)
         first: wp.array(dtype=int)           # points first[K] .. first[K + 1] of a leaf, (leaves + 1,)
@@ -62,7 +62,7 @@ def tables(real) -> SimpleNamespace:
         levels: int                          # above groups, of the deepest system
 
     @wp.struct
-    class Blocks:
+    class SchwarzBlocks:
         W: wp.array(dtype=real)              # 96 x 96 of each domain: points, groups, above
         pair: wp.array(dtype=vec12)          # 12 rows of each pair of leaves
         run: wp.array(dtype=vec12)           # 12 rows of each run that has a sum
@@ -70,11 +70,11 @@ def tables(real) -> SimpleNamespace:
         X: wp.array(dtype=t.vec3)            # places [m], (points,)
         scratch: wp.array(dtype=real)        # 96 of each domain
 
-    return SimpleNamespace(Tree=Tree, Blocks=Blocks, vec12=vec12)
+    return SimpleNamespace(Tree=SchwarzTree, Blocks=SchwarzBlocks, vec12=vec12)
 
 
 @wp.func
-def weight(arm: Any, p: int):
+def affine_weight(arm: Any, p: int):
     """Entry p of (1, arm)."""
     q = type(arm[0])(1.0)
     if p > 0:
@@ -83,27 +83,27 @@ def weight(arm: Any, p: int):
 
 
 @cache
-def filters(real, module):
+def schwarz_filter_kernel(real, module):
     """Kernel over points: S and X."""
-    t, s, o = types(real), structs(real), tables(real)
+    t, s, o = types(real), newton_structs(real), schwarz_tables(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def schwarz_filters(A: s.Matrix, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), m_out: o.Blocks):
         i = wp.tid()
-        m_out.S[i] = kept(A.P[i])
+        m_out.S[i] = range_projector(A.P[i])
         m_out.X[i] = x[i] + d[i]
 
     return schwarz_filters
 
 
 @cache
-def pairs(real, module):
+def leaf_pair_kernel(real, module):
     """Kernel over 3 components of each pair of leaves: rows (p, r) for all p, by sums over j for each i, then over i."""
-    t, s, o = types(real), structs(real), tables(real)
+    t, s, o = types(real), newton_structs(real), schwarz_tables(real)
     vec12, Blocks, twelve = o.vec12, o.Blocks, TWELVE
 
     @wp.func
-    def shared(arm: t.vec3, f: t.vec3):
+    def affine_force_share(arm: t.vec3, f: t.vec3):
         """q (x) f."""
         v = vec12()
         for c in range(3):
@@ -113,7 +113,7 @@ def pairs(real, module):
         return v
 
     @wp.func
-    def add(m: Blocks, at: int, r: int, arm: t.vec3, T: vec12):
+    def add_leaf_pair(m: Blocks, at: int, r: int, arm: t.vec3, T: vec12):
         """Rows (p, r) grow by q_p T."""
         m.pair[at + r] = m.pair[at + r] + T
         for p in range(3):
@@ -147,23 +147,23 @@ def pairs(real, module):
                 if K == J:                                 # what the row's blocks take from that of i with itself
                     own -= f
                 if tree.leaf[j] == J:
-                    T += shared(m.X[j] - cJ, m.S[j] * f)
+                    T += affine_force_share(m.X[j] - cJ, m.S[j] * f)
                 k += 1
             if K == J:
-                T += shared(arm, m.S[i] * own)
-            add(m, at, r, arm, T)
+                T += affine_force_share(arm, m.S[i] * own)
+            add_leaf_pair(m, at, r, arm, T)
 
     return schwarz_pairs
 
 
 @cache
-def blocks(real, module):
+def node_block_kernel(real, module):
     """Kernel over 12 rows of runs of pairs of leaves: blocks of pairs of nodes of domains, zeroed before, or parts of one."""
-    o = tables(real)
-    twelve, Blocks, vec12, put = TWELVE, o.Blocks, o.vec12, row_of(real)
+    o = schwarz_tables(real)
+    twelve, Blocks, vec12, put = TWELVE, o.Blocks, o.vec12, domain_row_function(real)
 
     @wp.func
-    def line(m: Blocks, e: int, p: int, r: int, turned: bool):
+    def leaf_pair_row(m: Blocks, e: int, p: int, r: int, turned: bool):
         """Row (p, r) of a pair of leaves, or column."""
         v = vec12()
         if turned:
@@ -192,9 +192,9 @@ def blocks(real, module):
             for turn in range(wp.where(same and K != J, 2, 1)):
                 first = wp.where(turn == 0, K, J)
                 other = wp.where(turn == 0, J, K)
-                v = line(m, pair, p, r, turn == 1)
+                v = leaf_pair_row(m, pair, p, r, turn == 1)
                 if p > 0:
-                    v += (m.X[tree.place[first]] - a)[p - 1] * line(m, pair, 0, r, turn == 1)
+                    v += (m.X[tree.place[first]] - a)[p - 1] * leaf_pair_row(m, pair, 0, r, turn == 1)
                 arm = m.X[tree.place[other]] - b
                 for q in range(1, 4):
                     for c in range(3):
@@ -209,24 +209,24 @@ def blocks(real, module):
 
 
 @cache
-def row_of(real):
+def domain_row_function(real):
     """Function: row `row` of the block of pair e of nodes goes into its domain's matrix."""
-    o, twelve, side = tables(real), TWELVE, dense.SIDE
+    o, twelve, side = schwarz_tables(real), TWELVE, dense.SIDE
     Tree, Blocks, vec12 = o.Tree, o.Blocks, o.vec12
 
     @wp.func
-    def put(tree: Tree, m: Blocks, e: int, row: int, v: vec12):
+    def put_domain_row(tree: Tree, m: Blocks, e: int, row: int, v: vec12):
         at = tree.block[e][0] * wp.static(side * side) + (wp.static(twelve) * tree.block[e][1] + row) * wp.static(side)
         for q in range(wp.static(twelve)):
             m.W[at + wp.static(twelve) * tree.block[e][2] + q] = v[q]
 
-    return put
+    return put_domain_row
 
 
 @cache
-def sums(real, module):
+def block_run_sum_kernel(real, module):
     """Kernel over 12 rows of blocks of several runs: the sum of these, in their order."""
-    o, twelve, put = tables(real), TWELVE, row_of(real)
+    o, twelve, put = schwarz_tables(real), TWELVE, domain_row_function(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def schwarz_sums(tree: o.Tree, m: o.Blocks):
@@ -242,13 +242,13 @@ def sums(real, module):
 
 
 @cache
-def points(real, module):
+def point_domain_kernel(real, module):
     """Kernel over points: three rows of the matrix of a domain of points, zeroed before."""
-    t, s, o = types(real), structs(real), tables(real)
+    t, s, o = types(real), newton_structs(real), schwarz_tables(real)
     side, Blocks = dense.SIDE, o.Blocks
 
     @wp.func
-    def put(m: Blocks, at: int, B: t.mat33):
+    def put_point_block(m: Blocks, at: int, B: t.mat33):
         for r in range(3):
             for c in range(3):
                 m.W[at + r * wp.static(side) + c] = B[r, c]
@@ -266,17 +266,17 @@ def points(real, module):
             j = rows.column[b]
             D -= A.block[b]
             if tree.leaf[j] // wp.static(LEAF) == domain and tree.rank[j] > tree.rank[i]:
-                put(m, at + 3 * tree.rank[j], S * A.block[b] * m.S[j])
+                put_point_block(m, at + 3 * tree.rank[j], S * A.block[b] * m.S[j])
         more = (wp.identity(n=3, dtype=real) - S) * (wp.trace(D) + real(1.0))      # of directions without motion
-        put(m, at + 3 * tree.rank[i], S * D * S + more)
+        put_point_block(m, at + 3 * tree.rank[i], S * D * S + more)
 
     return schwarz_points
 
 
 @cache
-def factor(real, module, threads: int):
+def domain_factor_kernel(real, module, threads: int):
     """Kernel over domains times a block of threads: W. On the CPU over domains."""
-    o, eliminate = tables(real), dense.factor(real)
+    o, eliminate = schwarz_tables(real), dense.dense_factor_function(real)
 
     def schwarz_factor(tree: o.Tree, m: o.Blocks):
         block = wp.tid() // wp.block_dim()

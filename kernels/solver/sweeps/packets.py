@@ -1,9 +1,10 @@
 """XPBD's sweeps of membranes and hinges on a CPU, eight constraints of a colour at a time, and the angles that hinges want.
 
 The formulas, symbols and order of colours are those of kernels/solver/xpbd.py (`_block`, `_row`), kernels/cloth/constraint.py
-and kernels/cloth/curvature.py, in C++ with Clang's vectors as kernels/motion/sheet_packets.py. Constraints of a colour share no
-point that moves, so eight of them are read, solved and written together. What is left of a colour repeats its last constraint
-in the lanes behind it, which are not written. A lane computes the same whatever stands beside it: bits do not depend on worlds.
+and kernels/cloth/curvature.py, in C++ with Clang's vectors as kernels/motion/fast_paths/simd_sheets.py. Constraints of a colour
+share no point that moves, so eight of them are read, solved and written together. What is left of a colour repeats its last
+constraint in the lanes behind it, which are not written. A lane computes the same whatever stands beside it: bits do not depend
+on worlds.
 """
 
 from functools import cache
@@ -11,11 +12,11 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.constraint import DIHEDRAL, FLAT, MEMBRANE, Constraint
-from wsim.kernels.cloth.curvature import SLOTS, curvatures
-from wsim.kernels.cloth.terms import batch_of, variant
-from wsim.kernels.motion.packets import VECTORS
-from wsim.kernels.motion.points import states
-from wsim.kernels.motion.sheet_packets import ACROSS, ANGLES, THIN, TOOLS
+from wsim.kernels.cloth.curvature import SLOTS, sheet_curvatures
+from wsim.kernels.cloth.terms import batch_of, constraint_variant
+from wsim.kernels.motion.fast_paths.simd_sheets import ACROSS, ANGLES, THIN, TOOLS
+from wsim.kernels.motion.fast_paths.simd_springs import VECTORS
+from wsim.kernels.motion.points import point_states
 from wsim.kernels.solver.xpbd import CALM, TINY
 
 PI = "3.14159265358979323846"
@@ -247,7 +248,7 @@ AIM = """
 """
 
 
-def text(real, body: str, n: int, **flags) -> str:
+def sweep_source(real, body: str, n: int, **flags) -> str:
     """The C++ of a body between what reads, and what turns angles."""
     name, integer = ("float", "int") if real is wp.float32 else ("double", "long long")
     given = {"real": name, "integer": integer, "n": n, "thin": THIN, "flat": FLAT, "pi": PI, "calm": CALM, "tiny": TINY[real],
@@ -257,42 +258,42 @@ def text(real, body: str, n: int, **flags) -> str:
 
 
 @cache
-def sweep(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
-          uniform: bool = False, exact: bool = False):
-    """(Batch, kernel) as `wsim.kernels.solver.xpbd.sweep`, of a CPU: membranes and hinges, without `exact`."""
-    o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
-    vec3, value, PointState, Batch = o.t.vec3, o.value, states(real), o.Batch
+def simd_sweep_kernel(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False,
+                      damped: bool = False, uniform: bool = False, exact: bool = False):
+    """(Batch, kernel) as `wsim.kernels.solver.xpbd.xpbd_sweep_kernel`, of a CPU: membranes and hinges, without `exact`."""
+    o = constraint_variant(constraint, real, multipliers, damped, uniform, exact=exact)
+    vec3, value, PointState, Batch = o.t.vec3, o.value, point_states(real), o.Batch
     flags = {"lam": multipliers, "damped": damped, "uniform": uniform, "rest": "batch.rest.data"}
     one = ROW if constraint is DIHEDRAL else BLOCK.replace("{shorten}", SHORTEN).replace("mm_of(y0, y1)", "m * (y0 - y1)")
-    code = text(real, COLOURS.replace("{one}", one), constraint.points, **flags)
+    code = sweep_source(real, COLOURS.replace("{one}", one), constraint.points, **flags)
 
     @wp.func_native(code)
-    def walk(world: int, batch: Batch, points: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
-             lam: wp.array(dtype=value), lam_out: wp.array(dtype=value)): ...
+    def native_simd_sweep(world: int, batch: Batch, points: PointState, colours: wp.array(dtype=wp.vec2i), rate: real,
+                          omega: real, lam: wp.array(dtype=value), lam_out: wp.array(dtype=value)): ...
 
-    def sweep(batch: Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
-              lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
-        walk(wp.tid(), batch, at, colours, rate, omega, lam, lam_out)         # d_out is at.d: in place
+    def simd_sweep(batch: Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
+                   lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+        native_simd_sweep(wp.tid(), batch, at, colours, rate, omega, lam, lam_out)  # d_out is at.d: in place
 
-    return Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False)
+    return Batch, wp.kernel(simd_sweep, name=f"sweep_{o.name}", module=module, enable_backward=False)
 
 
 @cache
-def aim(real, module, damped: bool):
+def rest_angle_kernel(real, module, damped: bool):
     """Kernel of one thread: z, slope, kept and C of hinges and triangles, and the angles at rest that hinges want, as `angles`,
     `sums` and `targets` of kernels/cloth/curvature.py. rest: angles at rest; rate: 1 / h."""
-    Batch, Curvatures, PointState = batch_of(DIHEDRAL, real), curvatures(real), states(real)
-    code = text(real, AIM.replace("{hinge}", HINGE), 4, damped=damped, rest="rest.data")
+    Batch, Curvatures, PointState = batch_of(DIHEDRAL, real), sheet_curvatures(real), point_states(real)
+    code = sweep_source(real, AIM.replace("{hinge}", HINGE), 4, damped=damped, rest="rest.data")
 
     @wp.func_native(code)
-    def walk(batch: Batch, rest: wp.array(dtype=real), points: PointState, rate: real, cur: Curvatures,
-             target: wp.array(dtype=real)): ...
+    def native_rest_angles(batch: Batch, rest: wp.array(dtype=real), points: PointState, rate: real, cur: Curvatures,
+                           target: wp.array(dtype=real)): ...
 
-    def aim(batch: Batch, rest: wp.array(dtype=real), at: PointState, rate: real, cur: Curvatures,
-            target_out: wp.array(dtype=real)):
-        walk(batch, rest, at, rate, cur, target_out)
+    def aim_rest_angles(batch: Batch, rest: wp.array(dtype=real), at: PointState, rate: real, cur: Curvatures,
+                        target_out: wp.array(dtype=real)):
+        native_rest_angles(batch, rest, at, rate, cur, target_out)
 
-    return wp.kernel(aim, name="target" + "_damped" * damped, module=module, enable_backward=False)
+    return wp.kernel(aim_rest_angles, name="target" + "_damped" * damped, module=module, enable_backward=False)
 
 
 FORMS = (MEMBRANE, DIHEDRAL)                     # constraints that have packets

@@ -14,12 +14,12 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import Constraint
-from wsim.kernels.cloth.terms import batch_of, plane_stress
+from wsim.kernels.cloth.terms import batch_of, plane_stress_matrix
 from wsim.kernels.math.real import types
 
 
 @wp.func
-def share(S: Any, a: Any):
+def compliance_share(S: Any, a: Any):
     """S / (S + a); 0 where nothing can move."""
     r = type(S)(0.0)
     if S > type(S)(0.0):
@@ -28,7 +28,7 @@ def share(S: Any, a: Any):
 
 
 @cache
-def residual(kind: Constraint, *, real, module, uniform: bool = False):
+def xpbd_residual_kernel(kind: Constraint, *, real, module, uniform: bool = False):
     """Kernel: raises largest[row] to the residual of every constraint. Positions are x + d."""
     t, Batch = types(real), batch_of(kind, real)
     vec3, formula, n, block = t.vec3, kind.formula, kind.points - 1, kind.rows == 3
@@ -36,8 +36,8 @@ def residual(kind: Constraint, *, real, module, uniform: bool = False):
     multiplier = vec3 if block else real
     length = kind.unit.startswith("m")
 
-    def residual(batch: Batch, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), lam: wp.array(dtype=multiplier),
-                 rate: real, row: int, largest: wp.array(dtype=real)):
+    def xpbd_residual(batch: Batch, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), lam: wp.array(dtype=multiplier),
+                      rate: real, row: int, largest: wp.array(dtype=real)):
         c = wp.tid()
         p = batch.point[c]
         i = p[0]
@@ -51,12 +51,12 @@ def residual(kind: Constraint, *, real, module, uniform: bool = False):
         if wp.static(block):
             C, G1, G2 = formula(X, batch.rest[c])
             G0 = -(G1 + G2)
-            A = (rate * rate) * plane_stress(batch.alpha[u])
+            A = (rate * rate) * plane_stress_matrix(batch.alpha[u])
             S = (batch.w[i] * (G0 * wp.transpose(G0)) + batch.w[p[1]] * (G1 * wp.transpose(G1))
                  + batch.w[p[2]] * (G2 * wp.transpose(G2)))
             C += A * lam[c]
             for k in range(3):
-                r = wp.max(r, wp.abs(C[k]) * share(S[k, k], A[k, k]))
+                r = wp.max(r, wp.abs(C[k]) * compliance_share(S[k, k], A[k, k]))
         else:
             C, G = formula(X, batch.rest[c])
             a = (rate * rate) * batch.alpha[u]
@@ -66,23 +66,23 @@ def residual(kind: Constraint, *, real, module, uniform: bool = False):
                 G0 -= G[k]
                 S += batch.w[p[k + 1]] * wp.dot(G[k], G[k])
             S += batch.w[i] * wp.dot(G0, G0)
-            r = wp.abs(C + a * lam[c]) * share(S, a)
+            r = wp.abs(C + a * lam[c]) * compliance_share(S, a)
             if wp.static(length):
                 r /= wp.max(wp.abs(batch.rest[c]), real(1.0e-12))
         wp.atomic_max(largest, row, r)
 
     name = "_".join(["residual", kind.name, *(["uniform"] if uniform else []), t.name])
-    return wp.kernel(residual, name=name, module=module, enable_backward=False)
+    return wp.kernel(xpbd_residual, name=name, module=module, enable_backward=False)
 
 
 @cache
-def judge(real, module):
+def residual_verdict_kernel(real, module):
     """Kernel: status becomes the number (from 1) of the last row above `most`."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def judge(largest: wp.array(dtype=real), most: real, status: wp.array(dtype=int)):
+    def judge_residuals(largest: wp.array(dtype=real), most: real, status: wp.array(dtype=int)):
         i = wp.tid()
         if largest[i] > most:
             wp.atomic_max(status, 0, i + 1)
 
-    return judge
+    return judge_residuals

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from wsim.fitting.least_squares.levenberg_marquardt import Prior
-from wsim.fitting.least_squares.search import Search
+from wsim.fitting.least_squares.levenberg_marquardt import NormalPrior
+from wsim.fitting.least_squares.search import FitSearch
 from wsim.fitting.observations.residuals import Misfit
 
 NOISE, COUNT, MOMENTS = 1e-2, 40, 16
@@ -35,8 +35,8 @@ def trapped(x: float) -> float:
     return 2.0 + x + 5.0 * (x - 1.0)**2 if x > 1.0 - 1e-4 else 3.6
 
 
-def searched(residual: Callable[[float, int], float]) -> Search:
-    search = Search(Given(residual), np.ones(1), Prior(np.zeros(1), np.zeros(1)), sigma=False, limit=200.0)
+def searched(residual: Callable[[float, int], float]) -> FitSearch:
+    search = FitSearch(Given(residual), np.ones(1), NormalPrior(np.zeros(1), np.zeros(1)), sigma=False, limit=200.0)
     search.run()
     return search
 

@@ -6,7 +6,7 @@ import warp as wp
 
 from tests.show.test_smoke import N, cloud, plate
 from wsim.show.camera import Camera
-from wsim.show.picture import Caster
+from wsim.show.picture import RayCaster
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU"
 def drawn(device: str) -> np.ndarray:
     density = np.random.default_rng(0).random((N, N, N)) ** 3
     points, look = plate(-1.5, color=(0.6, 0.3, 0.2))
-    caster = Caster([look], (96, 64), device)
+    caster = RayCaster([look], (96, 64), device)
     camera = Camera.look((3.0, 4.0, 9.0), (0, 0, 0), angle=0.4)
     return caster.image([points], camera, "Y", -2.0, None, [cloud(density, depth=5.0)])
 

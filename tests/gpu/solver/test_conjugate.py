@@ -9,7 +9,7 @@ import warp as wp
 
 from tests.make.soft_bar import bar
 from wsim import Bulk
-from wsim.physics.fused import conjugate
+from wsim.physics.motion.fused import conjugate
 from wsim.scene import Plane, shapes
 from wsim.simulation.simulation import Simulation
 

@@ -6,14 +6,14 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.fused.test_fused import SCENES
-from wsim.model.launches import Launches
-from wsim.physics.fused import domains, fuser
-from wsim.physics.fused.source import CLUSTER, GRID, Shape
+from tests.physics.motion.fused.test_kernel_fusion import SCENES
+from wsim.model.launches import KernelLaunches
+from wsim.physics.motion.fused import domain_decomposition, kernel_fusion
+from wsim.physics.motion.fused.source import CLUSTER, GRID, LaunchShape
 
 wp.init()
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
-SHAPES = {"cluster": Shape(CLUSTER, 8, 256), "grid": Shape(GRID, 24, 128)}
+SHAPES = {"cluster": LaunchShape(CLUSTER, 8, 256), "grid": LaunchShape(GRID, 24, 128)}
 
 
 def end(name: str, precision: str, frames: int = 4):
@@ -27,14 +27,15 @@ def end(name: str, precision: str, frames: int = 4):
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_launch_leaves_the_bits(name, shape, precision, monkeypatch):
-    monkeypatch.setattr(Launches, "fuses", True)
-    monkeypatch.setattr(domains, "shared", lambda *_: None)         # sheets in float32 have a march: test_sheets.py
-    monkeypatch.setattr(fuser, "shape_of", lambda device, widest: SHAPES[shape])
+    monkeypatch.setattr(KernelLaunches, "fuses", True)
+    # sheets in float32 have a march: test_sheets.py
+    monkeypatch.setattr(domain_decomposition, "shared_elements", lambda *_: None)
+    monkeypatch.setattr(kernel_fusion, "shape_of", lambda device, widest: SHAPES[shape])
     x, fused = end(name, precision)
     assert fused.launched > 0, fused.why
     again, _ = end(name, precision)
     assert np.array_equal(x, again)
-    monkeypatch.setattr(fuser.Fuser, "kernel", lambda self, steps: None)          # the same plan, launch by launch
+    monkeypatch.setattr(kernel_fusion.Fuser, "kernel", lambda self, steps: None)          # the same plan, launch by launch
     apart, fused = end(name, precision)
     rounding = 1e-16 if precision == "float64" and name in ("cube", "jelly") else 0.0   # sums of tets are contracted otherwise
     assert fused.launched == 0 and np.abs(x - apart).max() <= rounding

@@ -7,8 +7,8 @@ import warp as wp
 
 import wsim
 from tests.gpu.solver.test_sheets import end, moves_alike
-from tests.physics.fused.test_fused import CLOTH, moved
-from wsim.physics.fused import domains
+from tests.physics.motion.fused.test_kernel_fusion import CLOTH, moved
+from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Motion, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
@@ -60,7 +60,7 @@ def test_limits_in_one_launch_hold_as_launch_by_launch(name, blocks, monkeypatch
 @pytest.mark.parametrize("blocks", BLOCKS)
 def test_edges_stay_within_what_a_sweep_leaves_of_their_limit(blocks, monkeypatch):
     """Without limits they are stretched by more than twice as much, and a live limit is that of the next frame."""
-    monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
+    monkeypatch.setattr(domain_decomposition, "blocks_of", lambda *given: [BLOCKS[blocks]])
     _, _, pull = end(hung())
     model, rest, stretched = pull.model, pull.model.stack("rest"), []
     edges = model.bodies[0].edges

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.physics.contact.selfcontact.rig import crossed, said
 from tests.physics.contact.test_midpoint import draped, fallen
-from tests.physics.selfcontact.rig import crossed, said
 from wsim.scene import Sphere, Surface, shapes
 from wsim.simulation.simulation import Simulation
 

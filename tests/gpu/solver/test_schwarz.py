@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 
 from tests.physics.solver.schwarz.test_schwarz import sheet
-from wsim.physics.schwarz import solver
+from wsim.physics.solver.schwarz import solver
 from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")

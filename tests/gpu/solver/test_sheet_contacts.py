@@ -10,9 +10,9 @@ import warp as wp
 import wsim
 from tests.physics.contact.test_candidate_lists import blob, surface
 from tests.physics.contact.test_candidate_lists import sheet as open_sheet
-from tests.physics.fused.test_fused import CLOTH, jelly, many, mesh, moved, sheet
-from wsim.model.launches import Launches
-from wsim.physics.fused import domains
+from tests.physics.motion.fused.test_kernel_fusion import CLOTH, jelly, many, mesh, moved, sheet
+from wsim.model.launches import KernelLaunches
+from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Box, Capsule, Motion, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
@@ -115,7 +115,7 @@ def run(scene: Scene, frames: int = 4):
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
+    monkeypatch.setattr(domain_decomposition, "blocks_of", lambda *given: [BLOCKS[blocks]])
     frames = FRAMES.get(name, 4)
     sim, x, v, impulses, mark = run(SCENES[name](), frames)
     taken = {"contact"} | {"tied": {"soft pins", "xpbd"}, "lifted": {"loads"}}.get(name, set())
@@ -123,7 +123,7 @@ def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatc
     _, again, rate, more, _ = run(SCENES[name](), frames)
     assert np.array_equal(x, again) and np.array_equal(v, rate)
     assert all(np.array_equal(impulses[path], more[path]) for path in impulses)
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     other, apart, v_apart, given, marked = run(SCENES[name](), frames)
     assert other.plan.ports.force_gather.cluster is None and sim.forms == other.forms
     assert np.abs(x - apart).max() < ROUNDING and np.abs(v).max() > 0.1
@@ -136,7 +136,7 @@ def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatc
 def test_what_holds_in_one_launch_holds_as_launch_by_launch(monkeypatch):
     found = []
     for fuses in (None, None, False):
-        monkeypatch.setattr(Launches, "fuses", fuses)
+        monkeypatch.setattr(KernelLaunches, "fuses", fuses)
         sim = wsim.Simulation(tied(False), device="cuda:0")
         for _ in range(4):
             sim.step()
@@ -151,7 +151,7 @@ def test_air_and_contacts_in_one_launch(monkeypatch):
     for substeps in (100, 400):
         found = []
         for fuses in (None, False):
-            monkeypatch.setattr(Launches, "fuses", fuses)
+            monkeypatch.setattr(KernelLaunches, "fuses", fuses)
             sim, x, *_ = run(replace(blown(), substeps=substeps))
             assert (sim.plan.ports.force_gather.cluster is None) == (fuses is False)
             found.append(x)
@@ -170,7 +170,7 @@ def test_what_edges_meet_is_launched_substep_by_substep_and_priced_so(form):
     """A launch that takes many substeps would leave the contacts of edges out."""
     sim, x, *_ = run(form(), 2)
     assert not sim.plan.method("explicit").taken and sim.plan.ports.contacts.edges and np.isfinite(x).all()
-    assert not cost.marched(sim.model, {"membrane"})
+    assert not cost.blocks_take_whole_frames(sim.model, {"membrane"})
 
 
 def test_what_a_mesh_that_deforms_meets_is_launched_substep_by_substep():

@@ -6,9 +6,9 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.fused.test_fused import CLOTH, blown, moved, sheet
-from wsim.model.launches import Launches
-from wsim.physics.fused import domains
+from tests.physics.motion.fused.test_kernel_fusion import CLOTH, blown, moved, sheet
+from wsim.model.launches import KernelLaunches
+from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Motion, Scene, shapes
 from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
@@ -59,12 +59,12 @@ def end(scene: Scene, frames: int = 4):
 
 def moves_alike(make, blocks: int, rounding: float, monkeypatch) -> None:
     """Asserts that a scene ends twice with the same bits by so many blocks, and within rounding [m] launch by launch."""
-    monkeypatch.setattr(domains, "blocks_of", lambda *given: [blocks])
+    monkeypatch.setattr(domain_decomposition, "blocks_of", lambda *given: [blocks])
     x, v, pull = end(make())
     assert pull.cluster is not None and pull.cluster.size == blocks
     again, rate, _ = end(make())
     assert np.array_equal(x, again) and np.array_equal(v, rate)
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     apart, _, pull = end(make())
     assert pull.cluster is None
     assert np.abs(x - apart).max() < rounding and np.abs(v).max() > 0.1
@@ -124,7 +124,7 @@ def test_air_within_one_launch_is_that_between_launches_in_the_limit(monkeypatch
     for substeps in (100, 400):
         found = []
         for fuses in (None, False):
-            monkeypatch.setattr(Launches, "fuses", fuses)
+            monkeypatch.setattr(KernelLaunches, "fuses", fuses)
             scene = blown()
             scene.substeps = substeps
             x, _, pull = end(scene)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.selfcontact.rig import crossed, said, solvers
-from tests.physics.selfcontact.test_momentum import meeting, moments
+from tests.physics.contact.selfcontact.rig import crossed, said, solvers
+from tests.physics.contact.selfcontact.test_momentum import meeting, moments
 from tests.physics.solver.test_newton_surfaces import caught, draped
 from wsim.simulation.simulation import Simulation
 

@@ -8,10 +8,10 @@ import warp as wp
 import wsim
 from tests.gpu.solver.test_sheet_contacts import run
 from tests.gpu.solver.test_sheets import BLOCKS, end, moves_alike
-from tests.physics.fused.test_fused import cube, jelly, moved, sheet
+from tests.physics.motion.fused.test_kernel_fusion import cube, jelly, moved, sheet
 from wsim import Bulk
-from wsim.model.launches import Launches
-from wsim.physics.fused import domains
+from wsim.model.launches import KernelLaunches
+from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Motion, Plane, Scene, shapes
 
 wp.init()
@@ -73,12 +73,12 @@ def thrown() -> Scene:
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("made", [cube, jelly, thrown])
 def test_colliders_are_met_as_launch_by_launch(made, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
+    monkeypatch.setattr(domain_decomposition, "blocks_of", lambda *given: [BLOCKS[blocks]])
     sim, x, v, impulses, mark = run(made(), 6)
     assert sim.plan.method("explicit").taken == {"contact"} and sim.plan.ports.force_gather.cluster.size == BLOCKS[blocks]
     _, again, rate, *_ = run(made(), 6)
     assert np.array_equal(x, again) and np.array_equal(v, rate)
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     other, apart, _, given, marked = run(made(), 6)
     assert other.plan.ports.force_gather.cluster is None and sim.forms == other.forms and (sim.forms["met"] or made is thrown)
     assert np.abs(x - apart).max() < 5 * ROUNDING and np.abs(v).max() > 0.01
@@ -93,7 +93,7 @@ def test_a_large_body_takes_a_grid(monkeypatch):
     scene.pin("/top", body, np.flatnonzero(points[:, 1] > 0.199))
     x, _, pull = end(scene, 2)
     assert pull.cluster.grid
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     apart, _, _ = end(scene, 2)
     assert np.abs(x - apart).max() < ROUNDING
 

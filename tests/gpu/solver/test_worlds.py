@@ -1,13 +1,13 @@
 """Worlds on a GPU have the bits of one alone, by every solver, launch by launch: how many threads take a launch changes no sum.
-Frames of sheets and tets that one world alone takes in one launch (kernels/fused/march.py) differ by rounding, and by when the
-air acts; nets have the bits of one alone there, too."""
+Frames of sheets and tets that one world alone takes in one launch (kernels/motion/fused/march.py) differ by rounding, and by
+when the air acts; nets have the bits of one alone there, too."""
 
 import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.selfcontact.rig import crumple
-from wsim.model.launches import Launches
+from tests.physics.contact.selfcontact.rig import crumple
+from wsim.model.launches import KernelLaunches
 from wsim.scene import Scene, Sphere, shapes
 from wsim.scene.fabric import Fabric
 from wsim.scene.solid import Bulk
@@ -77,7 +77,7 @@ def test_nets(how, ball):
 
 @pytest.mark.parametrize("how", ["xpbd", "newton", "leapfrog"])
 def test_membranes_hinges_damping_and_wind(monkeypatch, how):
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     assert differ(blown(how)) == 0.0
 
 
@@ -89,7 +89,7 @@ def test_worlds_of_more_points_than_a_cluster_takes():
 
 @pytest.mark.parametrize("how", ["newton", "leapfrog"])
 def test_soft_bodies(monkeypatch, how):
-    monkeypatch.setattr(Launches, "fuses", False)
+    monkeypatch.setattr(KernelLaunches, "fuses", False)
     assert differ(block(how), values=("young", 1e4, 2e4)) == 0.0
 
 

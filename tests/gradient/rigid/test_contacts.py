@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wsim.gradient.checkpoints import host_bytes
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, SceneError, Sphere
@@ -88,7 +88,7 @@ def loss(r: Recording) -> float:
 
 
 def slopes(r: Recording, gradient, name: str, step: float) -> tuple[float, float]:
-    value = inputs(r, [name])[name]
+    value = inputs_by_name(r, [name])[name]
     base = value.read()
     found = value.gradient(gradient, 0, base.shape)
     way, losses = np.random.default_rng(3).normal(size=base.shape) if base.ndim else np.ones(()), []
@@ -129,7 +129,7 @@ def test_a_stack_at_rest_has_the_slope_of_differences():
     by = {LAST: {p: np.outer([0.3, -0.5, 0.8, 0.0], (0.0, 0.0, 0.0, 1.0)) for p in paths(r)}}
     gradient = r.backward(poses=by)
     for name in ("/box1:velocity", "/box2:force", "gravity"):
-        value = inputs(r, [name])[name]
+        value = inputs_by_name(r, [name])[name]
         base, way, losses = value.read(), np.array([0.2, -0.6, 0.4]), []
         found, step = value.gradient(gradient, 0, base.shape), 1e-3
         for sign in (1.0, -1.0):

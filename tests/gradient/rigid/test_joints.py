@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
-from wsim.physics.rigid.joints.joint import Drive, Joint, between, fixed, prismatic, revolute, spherical
+from wsim.physics.rigid.joints.joint import (
+    Drive,
+    Joint,
+    fixed_joint,
+    joint_between,
+    prismatic_joint,
+    revolute_joint,
+    spherical_joint,
+)
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Scene, SceneError
 from wsim.scene.curve import Motion
@@ -39,7 +47,7 @@ def second(kind, **more):
     return lambda a, b: kind("/second", a, b, at=(1.0, 0.0, 0.0), **more)
 
 
-def hung(kind=spherical, **more):
+def hung(kind=spherical_joint, **more):
     return lambda a, b: kind("/first", None, a, **more)
 
 
@@ -53,23 +61,23 @@ def turning(kind: str) -> Drive:
 
 
 SCENES = {
-    "spherical": lambda: pair(hung(), second(spherical)),
-    "revolute": lambda: pair(hung(revolute, axis=Y), second(revolute, axis=Y)),
-    "fixed": lambda: pair(second(fixed)),
-    "prismatic": lambda: pair(hung(), second(prismatic)),
+    "spherical": lambda: pair(hung(), second(spherical_joint)),
+    "revolute": lambda: pair(hung(revolute_joint, axis=Y), second(revolute_joint, axis=Y)),
+    "fixed": lambda: pair(second(fixed_joint)),
+    "prismatic": lambda: pair(hung(), second(prismatic_joint)),
     "distance": lambda: pair(hung(), far, iterations=12),
-    "loop": lambda: pair(hung(), second(spherical), lambda a, b: spherical("/third", None, b, at=(1.3, 0.5, 0.2)),
+    "loop": lambda: pair(hung(), second(spherical_joint), lambda a, b: spherical_joint("/third", None, b, at=(1.3, 0.5, 0.2)),
                          iterations=8),
-    "limits": lambda: pair(hung(revolute, axis=Y, low=-0.01, high=0.02), second(spherical), iterations=16),
-    "cone": lambda: pair(hung(cone=(0.02, 0.03)), second(spherical), iterations=16),
-    "driven": lambda: pair(hung(revolute, axis=Y, drives={"rotX": DRIVE}),
-                           second(revolute, axis=Y, drives={"rotX": turning("acceleration")})),
-    "driven alone": lambda: pair(hung(between, limits={"transX": (0.0, 0.0), "transY": (0.0, 0.0), "transZ": (0.0, 0.0)},
+    "limits": lambda: pair(hung(revolute_joint, axis=Y, low=-0.01, high=0.02), second(spherical_joint), iterations=16),
+    "cone": lambda: pair(hung(cone=(0.02, 0.03)), second(spherical_joint), iterations=16),
+    "driven": lambda: pair(hung(revolute_joint, axis=Y, drives={"rotX": DRIVE}),
+                           second(revolute_joint, axis=Y, drives={"rotX": turning("acceleration")})),
+    "driven alone": lambda: pair(hung(joint_between, limits={"transX": (0.0, 0.0), "transY": (0.0, 0.0), "transZ": (0.0, 0.0)},
                                        drives={"rotX": turning("acceleration"), "rotY": DRIVE})),
-    "driven D6": lambda: pair(hung(), second(between, limits={"transX": (0.0, 0.0), "rotX": (0.0, 0.0)}, drives={
+    "driven D6": lambda: pair(hung(), second(joint_between, limits={"transX": (0.0, 0.0), "rotX": (0.0, 0.0)}, drives={
         "transY": DRIVE, "transZ": turning("force"), "rotY": turning("force"), "rotZ": DRIVE})),
-    "most": lambda: pair(hung(revolute, axis=Y, drives={"rotX": Drive(900.0, 2.0, 0.9, most=3.0)}), second(spherical),
-                         iterations=12),
+    "most": lambda: pair(hung(revolute_joint, axis=Y, drives={"rotX": Drive(900.0, 2.0, 0.9, most=3.0)}),
+                         second(spherical_joint), iterations=12),
 }
 NAMES = ("/a:velocity", "/b:spin", "/b:mass", "/b:inertia", "/a:force", "/b:torque", "/b:drag", "/b:spin_drag", "gravity")
 
@@ -102,7 +110,7 @@ def gradient(kind: str):
 def slopes(kind: str, name: str, step: float) -> tuple[float, float]:
     """Along one direction: what the gradient says, and differences."""
     r = recorded(kind)
-    value = inputs(r, [name])[name]
+    value = inputs_by_name(r, [name])[name]
     base = value.read()
     found = value.gradient(gradient(kind), 0, base.shape)
     way = np.random.default_rng(3).normal(size=base.shape) if base.ndim else np.ones(())
@@ -134,12 +142,12 @@ DRIVES += [pytest.param("driven alone", f"/first:{name}", id=f"alone {name}") fo
 def test_drives_have_the_slope_of_differences(kind, name):
     if kind == "driven D6" and "first" in name:
         with pytest.raises(SceneError):
-            inputs(recorded(kind), [name])[name].read()
+            inputs_by_name(recorded(kind), [name])[name].read()
         return
     found, expected = slopes(kind, name, 1e-3)
     assert abs(expected) > 1e-6 and found == pytest.approx(expected, rel=1e-7)
     if kind == "driven D6":
-        assert inputs(recorded(kind), [name])[name].read().shape == (4,)
+        assert inputs_by_name(recorded(kind), [name])[name].read().shape == (4,)
 
 
 @pytest.mark.slow
@@ -163,7 +171,7 @@ def test_a_pendulum_swings_by_its_period():
     bob = Body("/bob", mass=2.0, center=np.zeros(3), inertia=(1e-9,) * 3,
                motion=Motion.at_place((arm * np.sin(a), 0.0, -arm * np.cos(a))))
     scene.add(bob)
-    scene.add(spherical("/hinge", None, bob))
+    scene.add(spherical_joint("/hinge", None, bob))
     r = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), frames)
     r.run()
     w, t = np.sqrt(g / arm), frames / 60.0
@@ -176,7 +184,8 @@ def test_a_pendulum_swings_by_its_period():
 
 
 def test_a_drive_that_pushes_against_a_limit_is_refused():
-    scene = pair(hung(revolute, axis=Y, low=-0.001, high=0.001, drives={"rotX": Drive(900.0, 2.0, 0.9)}), second(spherical))
+    scene = pair(hung(revolute_joint, axis=Y, low=-0.001, high=0.001, drives={"rotX": Drive(900.0, 2.0, 0.9)}),
+                 second(spherical_joint))
     r = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 6)
     with pytest.raises(SceneError, match="/first: its drive pushes it against a limit"):
         r.backward(twists={6: {"/a": np.ones((2, 3))}})
@@ -184,7 +193,7 @@ def test_a_drive_that_pushes_against_a_limit_is_refused():
 
 def test_live_masses_reach_joints():
     """The same motion as of bodies that had them from the start."""
-    scene, other = (pair(hung(), second(spherical)) for _ in range(2))
+    scene, other = (pair(hung(), second(spherical_joint)) for _ in range(2))
     other.things("Body")[1].mass = 3.5
     one, two = (Simulation(s, device="cpu", precision="float64") for s in (scene, other))
     one.set("/b", "mass", 3.5)
@@ -225,7 +234,7 @@ def test_a_humanoid_that_falls_has_the_slope_of_differences():
     found = r.backward(poses=by)
     assert r.bodies.left < 1e-10
     for name in (f"{torso}:velocity", f"{hip}:target", "gravity"):
-        value = inputs(r, [name])[name]
+        value = inputs_by_name(r, [name])[name]
         base, losses = value.read(), []
         way, step = np.array([0.3, -0.5, 0.8]), 1e-3
         for k in (1, 2, 3, 4):

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from wsim.kernels.math.real import differentiable, types
+from wsim.kernels.math.real import has_adjoint, types
 from wsim.model.stage import Clock, Method, Stage
 
 
@@ -44,4 +44,4 @@ def slow(real, module):
         i = wp.tid()
         v_out[i] = wp.exp(-grip[i] * h) * v[i]
 
-    return wp.kernel(slow, name="slow", module=module, enable_backward=differentiable(module))
+    return wp.kernel(slow, name="slow", module=module, enable_backward=has_adjoint(module))

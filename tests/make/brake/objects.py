@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from wsim.scene.bodies import Compared
+from wsim.scene.bodies import ArrayDataclass
 
 
 @dataclass(eq=False)
-class Brake(Compared):
+class Brake(ArrayDataclass):
     path: str
     body: str                   # path of a body
     grip: float = 0.0           # [1/s]

@@ -4,13 +4,14 @@ near go half the way apart, each by the mean of what its neighbours want, and th
 import numpy as np
 import warp as wp
 
-from wsim.kernels.collider.table import colliders, queries
+from wsim.kernels.contact.collider.table import collider_queries, collider_type
 from wsim.kernels.math.real import types
 from wsim.model.stage import Clock, Method, Stage
-from wsim.model.state import Field, Part
-from wsim.scene.samples import Particles, Sample
+from wsim.model.state import StateField, StatePart
+from wsim.scene.samples import ParticleSample, Sample
 
-FIELDS = (Field("x", "m", True, "position"), Field("v", "m/s", True, "velocity"), Field("y", "m", False, "predicted"))
+FIELDS = (StateField("x", "m", True, "position"), StateField("v", "m/s", True, "velocity"),
+          StateField("y", "m", False, "predicted"))
 SWEEPS = 4
 
 
@@ -22,7 +23,7 @@ class Lying(Method):
     def __init__(self, b):
         super().__init__("grains")
         self.model, self.grains = b.model, b.scene.things("Grains")
-        self.part = Part.allocate("grains", FIELDS, sum(len(g.places) for g in self.grains), b.model.real, b.model.device)
+        self.part = StatePart.allocate("grains", FIELDS, sum(len(g.places) for g in self.grains), b.model.real, b.model.device)
         first = np.cumsum([0, *[len(g.places) for g in self.grains]])
         self.part.rows = {(g.path, 0): np.arange(first[k], first[k + 1]) for k, g in enumerate(self.grains)}
         b.state.add(self.part)
@@ -51,12 +52,12 @@ class Lying(Method):
 
     def samples(self, world: int = 0) -> list[Sample]:
         x, v, r = (array.numpy() for array in (self.part.arrays["x"], self.part.arrays["v"], self.radius))
-        return [Particles(g.path, x[rows], 2.0 * r[rows], np.arange(len(rows)), v[rows])
+        return [ParticleSample(g.path, x[rows], 2.0 * r[rows], np.arange(len(rows)), v[rows])
                 for g in self.grains for rows in [self.part.rows[g.path, 0]]]
 
 
 def kernels(kinds, real, module) -> list:
-    t, C, ask = types(real), colliders(real), queries(kinds, real)
+    t, C, ask = types(real), collider_type(real), collider_queries(kinds, real)
     vectors = wp.array(dtype=t.vec3)
 
     def fall(x: vectors, v: vectors, g: t.vec3, h: real, y_out: vectors):

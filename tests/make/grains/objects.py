@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.scene.bodies import Compared, array
+from wsim.scene.bodies import ArrayDataclass, contiguous_array
 
 
 @dataclass(eq=False)
-class Grains(Compared):
+class Grains(ArrayDataclass):
     path: str
     places: np.ndarray                     # [m], (n, 3)
     radius: float = 0.02                   # [m]
 
     def __post_init__(self):
-        self.places = array(self.places, np.float64, -1, 3)
+        self.places = contiguous_array(self.places, np.float64, -1, 3)

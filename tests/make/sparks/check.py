@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from tests.make.sparks.objects import Sparks
 from wsim.scene import Problem, Scene
-from wsim.scene.check.objects import number
+from wsim.scene.check.objects import check_number
 
 
 def check(sparks: Sparks, scene: Scene) -> Iterator[Problem]:
-    yield from number(sparks.path, "count", sparks.count, 1.0)
+    yield from check_number(sparks.path, "count", sparks.count, 1.0)

@@ -6,11 +6,11 @@ import warp as wp
 from tests.make.sparks.objects import GRAVITY, WIDTH
 from wsim.kernels.math.real import types
 from wsim.model.stage import Clock, Method, Stage
-from wsim.model.state import Field, Part
-from wsim.scene.samples import Particles, Points, Quantity, Sample, Transform, Volume
+from wsim.model.state import StateField, StatePart
+from wsim.scene.samples import ParticleSample, PointSample, QuantitySample, Sample, TransformSample, VolumeSample
 
-FIELDS = (Field("x", "m", True, "position"), Field("v", "m/s", True, "velocity"),
-          Field("frames", "", True, "frames that have passed", "int"))
+FIELDS = (StateField("x", "m", True, "position"), StateField("v", "m/s", True, "velocity"),
+          StateField("frames", "", True, "frames that have passed", "int"))
 
 
 def build(b) -> Method:
@@ -22,7 +22,7 @@ class Flying(Method):
         super().__init__("sparks")
         self.model, self.sparks = b.model, [(s, world) for world in range(b.model.worlds) for s in b.scene.things("Sparks")]
         counts = np.concatenate([[0], np.cumsum([s.count for s, _ in self.sparks])])
-        self.part = Part.allocate("sparks", FIELDS, int(counts[-1]), b.model.real, b.model.device)
+        self.part = StatePart.allocate("sparks", FIELDS, int(counts[-1]), b.model.real, b.model.device)
         self.part.rows = {(s.path, world): np.arange(counts[k], counts[k + 1]) for k, (s, world) in enumerate(self.sparks)}
         b.state.add(self.part)
         self.part.arrays["v"].assign(np.concatenate([s.velocities() for s, _ in self.sparks]).astype(b.model.dtype))
@@ -45,11 +45,11 @@ class Flying(Method):
                 M[:3, 3] = x[rows].mean(axis=0)
                 density = np.histogram(x[rows, 2], bins=8)[0].astype(np.float32).reshape(1, 1, 8)
                 field = np.concatenate([density[..., None], 0.0 * density[..., None], 2.0 * density[..., None]], 3)
-                found += [Particles(f"{sparks.path}/Lit", x[lit], np.full(len(lit), WIDTH), lit - rows[0], v[lit]),
-                          Points(f"{sparks.path}/Trace", x[rows], v[rows]), Transform(f"{sparks.path}/Middle", M),
-                          Quantity(sparks.path, "toy:speeds", np.linalg.norm(v[rows[:5]], axis=1)),
-                          Volume(f"{sparks.path}/Smoke", np.full(3, 0.5), 0.25, {"density": density, "speed": field},
-                                 {"speed": "m/s"})]
+                found += [ParticleSample(f"{sparks.path}/Lit", x[lit], np.full(len(lit), WIDTH), lit - rows[0], v[lit]),
+                          PointSample(f"{sparks.path}/Trace", x[rows], v[rows]), TransformSample(f"{sparks.path}/Middle", M),
+                          QuantitySample(sparks.path, "toy:speeds", np.linalg.norm(v[rows[:5]], axis=1)),
+                          VolumeSample(f"{sparks.path}/Smoke", np.full(3, 0.5), 0.25, {"density": density, "speed": field},
+                                       {"speed": "m/s"})]
         return found
 
 

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.scene.bodies import Compared
+from wsim.scene.bodies import ArrayDataclass
 
 GRAVITY = 9.81
 WIDTH = 0.02               # [m]
 
 
 @dataclass(eq=False)
-class Sparks(Compared):
+class Sparks(ArrayDataclass):
     path: str
     count: int = 100
     lit: int = 10          # more of them in the result with every frame

@@ -3,16 +3,16 @@
 from pxr import Sdf, Usd, UsdGeom
 
 from tests.make.sparks.objects import Sparks
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 
 NAMES = ("count", "lit")
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Sparks:
+def load(reading: StageReading, prim: Usd.Prim) -> Sparks:
     return Sparks(str(prim.GetPath()), **{name: int(prim.GetAttribute(f"toy:{name}").Get()) for name in NAMES})
 
 
-def author(stage: Usd.Stage, sparks: Sparks, units: Units) -> None:
+def author(stage: Usd.Stage, sparks: Sparks, units: StageUnits) -> None:
     prim = UsdGeom.Xform.Define(stage, sparks.path).GetPrim()
     prim.AddAppliedSchema("ToySparksAPI")
     for name in NAMES:

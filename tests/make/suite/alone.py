@@ -24,7 +24,7 @@ MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash 
 PARTED: set[str] = set()              # names of modules that were loaded as parts
 GRAD = re.compile(r"\bwp\.grad\((\w+)\)")
 OF_SCENE = re.compile("wsim_(?:[0-9a-f]{12}_|report_)")
-LOAD, FOLDERS = wp.Module.load, kernel_cache._folders
+LOAD, FOLDERS = wp.Module.load, kernel_cache._folders_of_module
 
 
 class Parts(ModuleExec):

@@ -6,16 +6,16 @@ slow` compiles what each scene needs, as a simulation does, and so does a machin
 """
 
 from wsim.kernels.rigid.lists import collide, collide_mesh
-from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
 from wsim.kernels.rigid.narrow.shape import KINDS
 
-ALL = every(KINDS.keys() - {"triangle", "mesh"})
+ALL = pairs_of_kinds(KINDS.keys() - {"triangle", "mesh"})
 ON_MESHES = frozenset(KINDS.keys() - {"triangle", "mesh", "plane"})
-COLLIDE, COLLIDE_MESH = collide.collide, collide_mesh.collide_mesh
+COLLIDE, COLLIDE_MESH = collide.pair_manifold_kernel, collide_mesh.collide_mesh
 
 
 def collide_all(pairs, real, module):
-    """Instead of `wsim.kernels.rigid.lists.collide.collide`."""
+    """Instead of `wsim.kernels.rigid.lists.collide.pair_manifold_kernel`."""
     assert pairs <= ALL, pairs - ALL
     return COLLIDE(ALL, real, module)
 

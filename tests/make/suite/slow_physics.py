@@ -50,7 +50,7 @@ PHYSICS = {
     "physics/contact/test_candidates.py": {
         "test_a_list_tells_what_the_tree_tells": ["more than a list has room for-sheet", "more than a list has room for-solid",
             "few faces-solid"]},
-    "physics/contact/test_clearance.py": {
+    "physics/contact/test_free_flight_test.py": {
         "test_a_sheet_falls_on_a_floor_as_with_contacts_throughout": ["stages", "leaps"],
         "test_a_floor_is_met_from_where_the_fall_of_a_frame_reaches": ["newton", "stages"],
         "test_what_is_through_a_thin_wall_within_a_frame_is_caught": ["newton", "stages", "leaps"],
@@ -77,7 +77,7 @@ PHYSICS = {
         "test_contacts_do_no_work_and_what_they_throw_back_is_taken": ["0.4"],
         "test_a_sheet_falls_on_a_ball_and_slides_down_without_giving_way": ["3", "6"],
         "test_layers_fall_on_a_floor_and_never_intersect": []},
-    "physics/contact/test_poses.py": {
+    "physics/contact/collider/test_poses.py": {
         "test_an_outline_is_the_same_whichever_frames_it_is_worked_out_with": ["smooth", "eased", "stack", "still"],
         "test_a_mesh_that_swells_is_met_where_its_ball_is_near": ["newton"],
         "test_a_collider_that_moves_far_away_has_no_poses": ["catmull_rom-shape1"],
@@ -105,7 +105,7 @@ PHYSICS = {
         "test_a_bar_that_sticks_is_carried": [],
         "test_a_bar_of_quadratic_tets_under_pressure": [],
         "test_by_the_motion_of_a_collider": ["sphere-backward_euler", "sheet-bdf2"]},
-    "physics/contact/test_toy_shape.py": {
+    "physics/contact/collider/test_toy_shape.py": {
         "test_cloth_rests_on_it": ["implicit-more1", "explicit-more2"]},
     "physics/fluid/liquid/test_bodies.py": {
         "test_the_buoyancy_of_what_is_as_dense_as_the_liquid_is_its_weight": ["shape1-7.8", "shape0-6.3"],
@@ -134,17 +134,17 @@ PHYSICS = {
         "test_what_is_conserved_stays_to_rounding": ["float64-1e-13"]},
     "physics/fluid/test_tiles.py": {
         "test_what_is_far_from_all_smoke_need_not_be_carried": ["n2-sides2-3", "n3-sides3-1"]},
-    "physics/fused/test_abreast.py": {
+    "physics/motion/fused/test_thread_team.py": {
         "test_any_number_of_threads_gives_the_bits_of_launch_by_launch": ["everything-2", "blown-3"]},
-    "physics/fused/test_contact_faces.py": {
+    "physics/motion/fused/test_contact_faces.py": {
         "test_threads_that_share_faces_find_the_contacts_of_one_that_tries_all": ["closed-lists", "open-lists",
             "closed-lists without room", "open-lists without room"]},
-    "physics/fused/test_contact_lanes.py": {
+    "physics/motion/fused/test_contact_lanes.py": {
         "test_threads_that_try_a_collider_each_find_the_contacts_of_one_that_tries_all": ["box-0.0", "plane-0.001",
             "sphere-0.0", "plane-0.0", "box-0.001", "sphere-0.001"]},
-    "physics/fused/test_fused.py": {
+    "physics/motion/fused/test_kernel_fusion.py": {
         "test_one_launch_of_many_substeps_leaves_the_bits": ["everything-float32", "mesh-float32"]},
-    "physics/fused/test_stiff_few.py": {
+    "physics/motion/fused/test_mass_scaling.py": {
         "test_a_mesh_of_like_triangles_and_other_solvers_keep_their_masses": ["settings0"]},
     "physics/joints/test_beside.py": {
         "test_islands_and_contacts_of_many_launches_give_the_bits_of_one": [],
@@ -183,14 +183,14 @@ PHYSICS = {
         "test_the_observed_order_is_the_declared_one": ["explicit_euler-0.002"]},
     "physics/motion/test_loads.py": {
         "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives": ["implicit-sdirk3"]},
-    "physics/motion/test_sheets.py": {
+    "physics/motion/fast_paths/test_simd_sheets.py": {
         "test_any_number_of_threads_gives_the_same_bits": ["3"],
         "test_others_act_between_substeps": []},
     "physics/motion/test_shorter_steps.py": {
         "test_leapfrog_falls_on_where_its_steps_become_shorter": ["repeated"]},
     "physics/motion/test_soft_pins.py": {
         "test_gradients_by_the_stiffness_of_soft_pins_of_one_point": ["1", "0"]},
-    "physics/motion/test_threads.py": {
+    "physics/motion/fast_paths/test_threads.py": {
         "test_any_number_of_threads_gives_the_same_bits": ["settings0-3", "settings1-3"]},
     "physics/motion/test_toy_integrator.py": {
         "test_the_observed_order_of_a_toy_is_the_declared_one": ["implicit-two_step"]},
@@ -253,7 +253,7 @@ PHYSICS = {
         "test_a_soft_cube_on_a_box_on_a_plane_rests": ["600.0", "100.0"],
         "test_a_box_on_a_trampoline_net_rests": [],
         "test_newtons_method_repeats_what_it_has_not_foreseen": []},
-    "physics/rods/test_among.py": {
+    "physics/rods/test_with_surfaces.py": {
         "test_a_rope_that_is_thrown_at_a_cloth_never_passes": ["0-xpbd bdf2", "0-newton", "0-newton bdf2", "0-leapfrog",
             "0-rk4", "1-xpbd", "1-xpbd bdf2", "1-newton bdf2", "1-leapfrog", "1-rk4", "1-newton"],
         "test_a_rope_and_a_cloth_that_collide_keep_their_momentum": ["xpbd bdf2", "newton bdf2", "leapfrog", "rk4", "xpbd"],
@@ -273,25 +273,25 @@ PHYSICS = {
         "test_a_world_of_ropes_that_touch_steps_by_backward_euler_where_an_edge_meets_a_collider": []},
     "physics/rods/test_nets.py": {
         "test_every_substep_of_a_net_under_bodies_is_solved": ["5-0.03-0.0", "4-0.1-0.5"]},
-    "physics/selfcontact/test_colliders.py": {
+    "physics/contact/selfcontact/test_colliders.py": {
         "test_a_spike_pokes_through_without": [],
         "test_a_coarse_cloth_lies_on_a_spike": ["explicit", "implicit"],
         "test_a_mesh_that_grows_lifts_the_cloth": [],
         "test_an_edge_of_a_cube_stays_below_triangles_larger_than_the_cube": ["box"],
         "test_friction_at_a_tip_is_coulombs": ["0.0"],
         "test_a_cloth_between_colliders_that_meet_stops_and_goes_on_once_they_part": ["explicit", "implicit"]},
-    "physics/selfcontact/test_crossed.py": {
+    "physics/contact/selfcontact/test_crossed.py": {
         "test_surfaces_that_start_crossed_fall_freely_and_gain_no_energy": ["newton bdf2", "newton midpoint", "rk4"],
         "test_a_cloth_folded_through_itself_goes_on_calmly": ["newton"],
         "test_a_collider_that_starts_inside_a_cloth_throws_nothing": ["newton"],
         "test_a_cloth_through_a_soft_body_stays_calm": ["leapfrog"],
         "test_leapfrog_holds_a_cloth_that_a_collider_starts_inside_of": []},
-    "physics/selfcontact/test_friction.py": {
+    "physics/contact/selfcontact/test_friction.py": {
         "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above": ["xpbd-plane", "xpbd bdf2-plane",
             "xpbd bdf2-cloth", "newton-plane", "newton-cloth", "newton bdf2-plane", "newton bdf2-cloth",
             "newton midpoint-plane", "newton midpoint-cloth", "leapfrog-plane", "leapfrog-cloth", "rk4-plane", "rk4-cloth"],
         "test_friction_that_is_set_live_is_that_of_the_material": ["leapfrog"]},
-    "physics/selfcontact/test_guarantee.py": {
+    "physics/contact/selfcontact/test_guarantee.py": {
         "test_a_crumpled_sheet_has_no_intersection_in_any_substep": [],
         "test_sheets_that_are_thrown_have_no_intersection_in_any_substep_by_the_midpoint": [],
         "test_pairs_that_are_pressed_in_turn_keep_their_momentum": [],
@@ -300,10 +300,10 @@ PHYSICS = {
         "test_sheets_that_a_body_strikes_do_not_cross": ["newton bdf2"],
         "test_results_are_the_same_from_run_to_run": [],
         "test_a_list_without_room_is_made_again_though_one_for_a_proof_follows": []},
-    "physics/selfcontact/test_layers.py": {
+    "physics/contact/selfcontact/test_layers.py": {
         "test_fifty_layers_that_are_thrown_and_turn_keep_their_path_and_their_turn": ["newton midpoint", "leapfrog"],
         "test_a_block_of_jelly_that_falls_on_another_does_not_enter_it": ["explicit", "implicit"]},
-    "physics/selfcontact/test_momentum.py": {
+    "physics/contact/selfcontact/test_momentum.py": {
         "test_two_sheets_that_collide_keep_their_momentum_and_do_not_bounce": ["xpbd bdf2", "newton", "newton bdf2",
             "newton midpoint", "rk4", "leapfrog"],
         "test_angular_momentum_is_kept": ["newton midpoint-0.0", "newton midpoint-0.5", "leapfrog-0.5"],
@@ -311,12 +311,12 @@ PHYSICS = {
         "test_a_world_of_sheets_and_the_body_that_strikes_them_ends_as_one_alone": ["xpbd"],
         "test_a_rigid_body_far_away_changes_nothing_of_what_two_sheets_do": ["newton"],
         "test_sheets_and_the_body_that_strikes_them_keep_their_momentum": ["newton bdf2"]},
-    "physics/selfcontact/test_rest.py": {
+    "physics/contact/selfcontact/test_rest.py": {
         "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is": ["xpbd bdf2", "newton", "newton bdf2", "newton midpoint",
             "leapfrog", "rk4"],
         "test_a_folded_cloth_at_rest_on_a_cloth_is_calm_by_the_midpoint": [],
         "test_a_folded_cloth_at_rest_is_not_read_as_falling_by_rk4": []},
-    "physics/selfcontact/test_tree.py": {
+    "physics/contact/selfcontact/test_tree.py": {
         "test_boxes_that_meet_are_found_once": ["12"]},
     "physics/soft/test_plastic.py": {
         "test_a_restart_and_a_repeated_frame_go_on_bit_for_bit": ["implicit-bdf2"]},

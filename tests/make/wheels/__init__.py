@@ -3,9 +3,10 @@ planned, run, recorded, restarted and drawn as those of wsim are."""
 
 from math import inf
 
-from wsim.scene.methods import Row
-from wsim.scene.values.value import Range, Value
+from wsim.scene.methods import MethodRow
+from wsim.scene.values.value import ValueRange, ValueRow
 
-ROW = Row("wheels", "tests.make.wheels", owns=("Wheel",), claims=("ToyWheelAPI",), without="there is no wheel")
-VALUES = [Value("Wheel", "drag", "1/s", why="nothing is recorded of wheels"),
-          *(Value("Wheel", name, unit, Range(-inf), live=False) for name, unit in (("angle", "rad"), ("rate", "rad/s")))]
+ROW = MethodRow("wheels", "tests.make.wheels", owns=("Wheel",), claims=("ToyWheelAPI",), without="there is no wheel")
+VALUES = [ValueRow("Wheel", "drag", "1/s", why="nothing is recorded of wheels"),
+          *(ValueRow("Wheel", name, unit, ValueRange(-inf), live=False)
+            for name, unit in (("angle", "rad"), ("rate", "rad/s")))]

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from tests.make.wheels.objects import Wheel
 from wsim.scene import Problem, Scene
-from wsim.scene.check.objects import warning
+from wsim.scene.check.objects import object_warning
 
 FAST = 1e6         # [rad/s]
 
 
 def check(wheel: Wheel, scene: Scene) -> Iterator[Problem]:
     if abs(wheel.rate) > FAST:
-        yield warning(wheel.path, f"it turns at {wheel.rate:g} rad/s", f"up to {FAST:g} rad/s", "give another rate")
+        yield object_warning(wheel.path, f"it turns at {wheel.rate:g} rad/s", f"up to {FAST:g} rad/s", "give another rate")

@@ -4,13 +4,14 @@ import numpy as np
 import warp as wp
 
 from wsim.model.stage import Clock, Method, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.scene.samples import Quantity, Sample, Transform
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.scene.samples import QuantitySample, Sample, TransformSample
 
 ROOM = "wheels: turns"
-FIELDS = (Field("angle", "rad", True, "since the start", "scalar"), Field("rate", "rad/s", True, "of the angle", "scalar"),
-          Field("turned", "", False, "whole turns in this frame", "int"))
+FIELDS = (StateField("angle", "rad", True, "since the start", "scalar"),
+          StateField("rate", "rad/s", True, "of the angle", "scalar"),
+          StateField("turned", "", False, "whole turns in this frame", "int"))
 
 SUBDIVIDE = 1          # steps in a substep
 
@@ -24,7 +25,7 @@ class Wheels(Method):
         super().__init__("wheels")
         self.model, self.status, self.room = b.model, b.status, 1
         self.wheels = [(w, world) for world in range(b.model.worlds) for w in b.scene.things("Wheel")]
-        self.part = Part.allocate("wheels", FIELDS, len(self.wheels), b.model.real, b.model.device)
+        self.part = StatePart.allocate("wheels", FIELDS, len(self.wheels), b.model.real, b.model.device)
         self.part.rows = {(w.path, world): np.array([k]) for k, (w, world) in enumerate(self.wheels)}
         b.state.add(self.part)
         for name in ("angle", "rate"):
@@ -42,7 +43,7 @@ class Wheels(Method):
         self.model.launch(self.kernel, self.part.count, [self.drag, clock.h / self.subdivide, self.room, a["angle"], a["rate"]],
                           [a["angle"], a["rate"], a["turned"], self.status.word(ROOM)])
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         wanted = int(status.said(ROOM)[0])
 
         def grow() -> str:
@@ -60,7 +61,7 @@ class Wheels(Method):
             if of == world:
                 M = np.eye(4)
                 M[:2, :2] = [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
-                found += [Transform(w.path, M), Quantity(w.path, "toy:turns", float(theta / (2.0 * np.pi)))]
+                found += [TransformSample(w.path, M), QuantitySample(w.path, "toy:turns", float(theta / (2.0 * np.pi)))]
         return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from wsim.scene.bodies import Compared
+from wsim.scene.bodies import ArrayDataclass
 
 
 @dataclass(eq=False)
-class Wheel(Compared):
+class Wheel(ArrayDataclass):
     path: str
     angle: float = 0.0          # [rad]
     rate: float = 1.0           # [rad/s]

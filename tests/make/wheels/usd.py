@@ -3,17 +3,17 @@
 from pxr import Sdf, Usd, UsdGeom
 
 from tests.make.wheels.objects import Wheel
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 
 NAMES = ("angle", "rate", "drag")
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Wheel:
+def load(reading: StageReading, prim: Usd.Prim) -> Wheel:
     values = {name: prim.GetAttribute(f"toy:{name}").Get() for name in NAMES}
     return Wheel(str(prim.GetPath()), **{name: float(v) for name, v in values.items() if v is not None})
 
 
-def author(stage: Usd.Stage, wheel: Wheel, units: Units) -> None:
+def author(stage: Usd.Stage, wheel: Wheel, units: StageUnits) -> None:
     prim = UsdGeom.Xform.Define(stage, wheel.path).GetPrim()
     prim.AddAppliedSchema("ToyWheelAPI")
     for name in NAMES:

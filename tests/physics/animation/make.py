@@ -6,7 +6,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdSkel
 
 from tests.make.usda import cloth
-from wsim.physics.animation.objects import LINEAR, Shape, Skeleton, Skinned
+from wsim.physics.animation.objects import LINEAR, BlendShape, Skeleton, Skinned
 from wsim.scene import Scene, Surface, shapes
 
 ASSETS = Path(__file__).parents[3] / "scenes" / "assets"
@@ -33,9 +33,9 @@ def skin(rng, skeleton: Skeleton, points: np.ndarray, m: int = 3, method: str = 
     return Skinned(skeleton, points, joints, weights / weights.sum(1, keepdims=True), method=method, blends=list(blends))
 
 
-def lump(rng) -> Shape:
+def lump(rng) -> BlendShape:
     """A corrective shape that a joint drives."""
-    return Shape("lump", np.array([1, 4, 5]), 0.1 * rng.normal(size=(2, 3, 3)), [0.5, 1.0], joint=1, width=2.5)
+    return BlendShape("lump", np.array([1, 4, 5]), 0.1 * rng.normal(size=(2, 3, 3)), [0.5, 1.0], joint=1, width=2.5)
 
 
 def scene_of(skinned: Skinned, counts, indices, path: str = "/man/body") -> Scene:

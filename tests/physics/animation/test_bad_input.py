@@ -9,7 +9,7 @@ from tests.physics.animation.make import bones, scene_of, skin
 from tests.usd.prims.test_skeleton import BOUND, COLLIDES, RISES, character, mesh
 from wsim.physics.animation.objects import Follow, Skeleton
 from wsim.scene import Scene, SceneError, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 
 IDENTITY = "( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )"
 FLAT = "( (1, 0, 0, 0), (0, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )"
@@ -28,11 +28,11 @@ def made() -> Scene:
 
 
 def said(scene: Scene) -> str:
-    return "\n".join(map(str, check(scene)))
+    return "\n".join(map(str, check_scene(scene)))
 
 
 def test_the_scene_that_the_others_break_is_sound():
-    assert not [p for p in check(made()) if "/man" in p.path]
+    assert not [p for p in check_scene(made()) if "/man" in p.path]
 
 
 def test_a_ring_of_joints_is_named():

@@ -17,8 +17,8 @@ from tests.physics.contact.test_project_adjoint import SOLVERS, dropped
 from wsim.geometry import rotation
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.physics.animation.objects import DUAL, LINEAR, Shape, Skeleton, Skinned
-from wsim.physics.animation.skinning_adjoint import by_points
+from wsim.physics.animation.objects import DUAL, LINEAR, BlendShape, Skeleton, Skinned
+from wsim.physics.animation.skinning_adjoint import skinned_point_gradients
 from wsim.scene import Scene, Surface, shapes
 from wsim.scene.curve import Curve
 from wsim.simulation.simulation import Simulation
@@ -53,7 +53,7 @@ def worn(solver: str, method: str = LINEAR, turned: float = 0.0, axes=(0, 0, 1),
     offsets = rng.integers(-3, 4, (1, n, 3)) / 2.0**9 * np.array(axes)
     part = rng.integers(0, 5, n) / 4.0
     skin = Skinned(skeleton, points, np.tile([0, 1], (n, 1)), np.stack([part, 1.0 - part], axis=1), method=method,
-                   blends=[Shape("grow", np.arange(n), offsets)])
+                   blends=[BlendShape("grow", np.arange(n), offsets)])
     floor.shape, floor.thickness = Surface(skin.at(0.0), surface.counts, surface.indices, poses=skin), 1e-3
     floor.motion.values[:, 2, 3] -= 1e-3
     skeleton.motion = floor.motion
@@ -111,14 +111,15 @@ def test_gradients_by_points_go_through_skinning(method):
     skeleton = bones(rng)
     skeleton.stretch, skeleton.shapes = np.diag([2.0, 1.0, 0.5]), ("grow",)
     skeleton.weights = Curve(np.array([0.0, 0.1]), np.array([[0.1], [0.9]]))
-    grow = Shape("grow", np.arange(len(points)), 0.1 * rng.normal(size=(2, len(points), 3)), [0.05, 1.0])
+    grow = BlendShape("grow", np.arange(len(points)), 0.1 * rng.normal(size=(2, len(points), 3)), [0.05, 1.0])
     skinned, times = skin(rng, skeleton, points, method=method, blends=[grow]), np.array([0.0, 0.013, 0.05, 0.12])
     g = rng.normal(size=(len(times), len(points), 3))
-    turns, weights = by_points(skinned, times, g)
+    turns, weights = skinned_point_gradients(skinned, times, g)
     away, heavier, step = rng.normal(size=turns.shape), rng.normal(size=weights.shape), 1e-3
 
     def loss(s: float) -> float:
-        moved = replace(skeleton, rotations=rotation.multiply(skeleton.orientations, rotation.exponential(s * away)),
+        moved = replace(skeleton,
+                        rotations=rotation.quat_product(skeleton.orientations, rotation.quaternion_exponential(s * away)),
                         weights=Curve(skeleton.weights.times, skeleton.weights.values + s * heavier))
         return float((replace(skinned, skeleton=moved).over(times) * g).sum())
     expected = (8.0 * (loss(step) - loss(-step)) - (loss(2.0 * step) - loss(-2.0 * step))) / (12.0 * step)

@@ -8,10 +8,10 @@ from tests.conftest import first_and_slow
 from tests.physics.animation.test_ragdoll import at, joints, ragdoll
 from wsim.geometry import rotation
 from wsim.physics.animation import skinning
-from wsim.physics.animation.objects import DUAL, LINEAR, Follow, Shape, Skeleton, Skinned
+from wsim.physics.animation.objects import DUAL, LINEAR, BlendShape, Follow, Skeleton, Skinned
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Scene, SceneError, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve, Motion
 
 SOLVERS = {"xpbd": {"solver": "xpbd", "integrator": "bdf2"},
@@ -35,7 +35,7 @@ def clothed(method: str = LINEAR, blends: bool = False, soft: bool = False, **mo
     grow = []
     if blends:
         bones.shapes, bones.weights = ("grow",), Curve(np.array([0.0, 0.2]), np.array([[0.0], [1.0]]))
-        grow = [Shape("grow", np.arange(len(points)), 0.05 * np.ones((1, len(points), 3)))]
+        grow = [BlendShape("grow", np.arange(len(points)), 0.05 * np.ones((1, len(points), 3)))]
     skin = Skinned(bones, points, np.tile([0, 1], (len(points), 1)), np.stack([1.0 - part, part], 1), method=method,
                    blends=grow)
     scene.collider("/man/skin", Surface(skin.at(0.0), counts, indices, poses=skin), motion=bones.motion)
@@ -52,7 +52,7 @@ def seen(sim, skin: Skinned) -> np.ndarray:
     """World points of a mesh by the joints that a sample says."""
     bones = skin.skeleton
     A = np.linalg.inv(bones.motion.at(0.0)) @ joints(sim) @ np.linalg.inv(bones.bind)
-    return bones.motion.points(skinning.skinned(skin, A[None], np.array([sim.time]))[0])
+    return bones.motion.points(skinning.skin_points(skin, A[None], np.array([sim.time]))[0])
 
 
 @pytest.mark.parametrize(("solver", "method", "blends"), first_and_slow([
@@ -69,7 +69,8 @@ def test_pins_and_meshes_are_where_the_bodies_have_taken_the_joints(solver, meth
         track = skin.skeleton.motion.points(mesh.device["track"].numpy()[-1].astype(np.float64))
         np.testing.assert_allclose(track, x, atol=3e-7)
         follow = scene.pins[0].follows
-        np.testing.assert_allclose(sim.positions("/sheet")[:2], skinning.placed(x[follow.corners], follow.places), atol=1e-9)
+        np.testing.assert_allclose(sim.positions("/sheet")[:2],
+                                   skinning.points_over_triangles(x[follow.corners], follow.places), atol=1e-9)
     assert np.abs(x - start).max() > 0.2
 
 
@@ -110,7 +111,7 @@ def test_the_joints_that_a_run_wrote_move_cloth_alike_when_they_are_played_back(
 def joints_of(sim) -> np.ndarray:
     """Place and quaternion of the only joint, (7,)."""
     (found,) = [s for s in sim.samples() if type(s).__name__ == "Joints"]
-    return np.concatenate([found.translations[0], rotation.normalized(found.rotations[0])])
+    return np.concatenate([found.translations[0], rotation.unit_quat(found.rotations[0])])
 
 
 def test_a_restart_goes_on_to_the_bit_and_a_graph_has_the_bits_of_its_launches():
@@ -127,7 +128,7 @@ def test_a_restart_goes_on_to_the_bit_and_a_graph_has_the_bits_of_its_launches()
 
 
 def said(scene: Scene) -> str:
-    return "\n".join(map(str, check(scene)))
+    return "\n".join(map(str, check_scene(scene)))
 
 
 def test_bodies_that_drive_joints_are_not_met_beside_their_skin_and_it_is_said():

@@ -5,10 +5,10 @@ import pytest
 
 from tests.physics.animation.make import bones, lump, skin
 from wsim import Fabric, Simulation
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.physics.animation.objects import DUAL, LINEAR, Follow, Shape
+from wsim.physics.animation.objects import DUAL, LINEAR, BlendShape, Follow
 from wsim.scene import Scene, shapes
 from wsim.scene.curve import Curve
 
@@ -29,9 +29,9 @@ def held(solver: str, method: str = LINEAR, stiffness: float = np.inf, keys: int
     cloth = scene.cloth("/sheet", *shapes.sheet(0.3, 0.3, 3, 3, at=(0.0, 0.6, 0.0)),
                         material=Fabric(stretch=40.0, bend=1e-4, density=300.0))
     points, counts, indices = shapes.sphere(0.3, 8)
-    grow = Shape("grow", np.arange(len(points)), 0.02 * rng.normal(size=(2, len(points), 3)), [0.05, 1.0])
+    grow = BlendShape("grow", np.arange(len(points)), 0.02 * rng.normal(size=(2, len(points), 3)), [0.05, 1.0])
     skinned = skin(rng, skeleton, points + (0.0, 0.6, 0.0), method=method, blends=[grow])
-    triangles, _ = triangulate(points, counts, indices)
+    triangles, _ = triangulate_polygons(points, counts, indices)
     for path, mine in (("/left", [0, 1]), ("/right", [2, 3])):
         follow = Follow.near(skinned, triangles, cloth.points[mine])
         scene.pin(path, cloth, mine, follows=follow, stiffness=stiffness if path == "/right" else np.inf)

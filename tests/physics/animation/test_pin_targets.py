@@ -10,11 +10,11 @@ from tests.physics.animation.make import bones, lump, skin
 from tests.scene.curve.test_motion import KINDS, OUTSIDE, made
 from wsim.geometry import rotation
 from wsim.physics.animation.objects import DUAL, LINEAR, Follow
-from wsim.physics.animation.pin_targets import Rates, Targets
+from wsim.physics.animation.pin_targets import PinTargets, PinVelocities
 from wsim.scene import Motion, Pin, Scene, shapes
 from wsim.scene.curve import Curve, Part, Stack
 from wsim.scene.curve.stack import ELEMENTS, SCALE, SHIFT, TURN
-from wsim.simulation.measure.checks.reasons import pulled
+from wsim.simulation.measure.checks.reasons import speed_of_pin
 from wsim.simulation.simulation import Simulation
 
 DT = 0.04
@@ -23,7 +23,7 @@ UNEVEN = DT * np.array([0.0, 0.05, 0.31, 0.5, 0.77, 1.0])
 
 def turning(seed: int) -> Motion:
     random = np.random.default_rng(seed)
-    q = rotation.normalized(random.normal(size=(4, 4)))
+    q = rotation.unit_quat(random.normal(size=(4, 4)))
     return Motion.through(np.array([0.0, 0.05, 0.1, 0.3]), random.normal(size=(4, 3)), q, "linear")
 
 
@@ -56,9 +56,9 @@ def pinned() -> list:
 def test_the_device_puts_pins_where_the_host_does_at_any_moments(real, most):
     """Within the rounding of targets that are up to a kilometre from the origin of their body; speeds in float64."""
     group = pinned()
-    own = [p.evaluated for p in group]
+    own = [p.evaluated_on_device for p in group]
     assert own == [p.pin.path != "/pin1" for p in group] and len(own) == 7
-    found, speed = Targets(wp.get_device("cpu"), real), wp.zeros(7, dtype=wp.float64, device="cpu")
+    found, speed = PinTargets(wp.get_device("cpu"), real), wp.zeros(7, dtype=wp.float64, device="cpu")
     mine = np.repeat(own, [len(p.places) for p in group])
     target = wp.zeros((len(UNEVEN), len(mine)), dtype=wp.vec3f if real is wp.float32 else wp.vec3d, device="cpu")
     found.take(group, own, UNEVEN, DT, target, speed)
@@ -68,7 +68,7 @@ def test_the_device_puts_pins_where_the_host_does_at_any_moments(real, most):
         want = np.concatenate([p.table(time + UNEVEN) for p in group], axis=1)
         off = np.abs(target.numpy() - want) / np.maximum(np.abs(want).max(axis=(0, 2)), 1.0)[:, None]
         assert off[:, mine].max() < most and not target.numpy()[:, ~mine].any()
-        expected = [pulled(p, time, DT) if p.evaluated else 0.0 for p in group]
+        expected = [speed_of_pin(p, time, DT) if p.evaluated_on_device else 0.0 for p in group]
         np.testing.assert_allclose(speed.numpy(), expected, rtol=1e-10, atol=1e-9)
 
 
@@ -78,7 +78,7 @@ def rates(motions: list, time: float) -> np.ndarray:
     pins = [SimpleNamespace(motion=motion, places=range(3), locals=local, body=SimpleNamespace(origin=np.zeros(3)))
             for motion in motions]
     out = wp.zeros(3 * len(pins), dtype=wp.vec3d, device="cpu")
-    Rates(pins, DT, out, wp.float64).launch(time - DT)
+    PinVelocities(pins, DT, out, wp.float64).launch(time - DT)
     rate = [motion.rate(time - DT + DT)[0] for motion in motions]
     want = np.concatenate([local @ M[:3, :3].T + M[:3, 3] for M in rate])
     np.testing.assert_allclose(out.numpy(), want, rtol=1e-10, atol=1e-10, err_msg=f"at {time}")

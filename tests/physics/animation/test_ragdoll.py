@@ -10,7 +10,7 @@ from wsim.physics.animation.write import bind
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Capsule, Collider, Scene, shapes
 from wsim.scene.curve import Motion
-from wsim.usd.stage import Units
+from wsim.usd.stage import StageUnits
 
 JOINTS = ("hip", "hip/knee", "hip/knee/foot")
 
@@ -40,13 +40,13 @@ def joints(sim) -> np.ndarray:
     """World transforms of the joints that a sample says, (3, 4, 4)."""
     (found,) = [s for s in sim.samples() if type(s).__name__ == "Joints"]
     from wsim.geometry import rotation
-    from wsim.physics.animation.driven import placed
-    from wsim.physics.animation.skinning import worlds
+    from wsim.physics.animation.driven import skeleton_to_world
+    from wsim.physics.animation.skinning import skeleton_space_transforms
     L = np.tile(np.eye(4), (3, 1, 1))
-    L[:, :3, :3] = rotation.matrix(found.rotations) * found.scales[:, None, :]
+    L[:, :3, :3] = rotation.quaternion_to_matrix(found.rotations) * found.scales[:, None, :]
     L[:, :3, 3] = found.translations
     bones = sim.scene.things("Skeleton")[0]
-    return placed(bones, sim.time) @ worlds(bones.parents, L[None])[0]
+    return skeleton_to_world(bones, sim.time) @ skeleton_space_transforms(bones.parents, L[None])[0]
 
 
 def test_joints_keep_to_their_bodies_and_the_others_to_their_parents():
@@ -72,7 +72,7 @@ def worn(folder) -> tuple:
     mesh.CreateFaceVertexCountsAttr(counts), mesh.CreateFaceVertexIndicesAttr(indices)
     part = np.clip((points[:, 1] - 1.0) * 2.0, 0.0, 1.0)
     skinned = Skinned(scene.things("Skeleton")[0], points, np.tile([0, 1], (len(points), 1)), np.stack([1 - part, part], 1))
-    bind(stage, "/man/skin", skinned, Units(1.0, 1.0, "Y", 24.0, 0.0))
+    bind(stage, "/man/skin", skinned, StageUnits(1.0, 1.0, "Y", 24.0, 0.0))
     stage.Save()
     return file, skinned
 
@@ -88,9 +88,9 @@ def test_a_result_says_the_joints_and_usd_skins_by_them(tmp_path):
             sim.step()
             seen.append(joints(sim))
     unbind = np.linalg.inv(skinned.skeleton.bind)
-    from wsim.physics.animation.skinning import linear
+    from wsim.physics.animation.skinning import linear_blend_skinning
     for code, found in zip(range(5), theirs(tmp_path / "out.usdc", "/man/skin", range(5)), strict=True):
-        want = linear(skinned.points, skinned.joints, skinned.weights, seen[code] @ unbind)
+        want = linear_blend_skinning(skinned.points, skinned.joints, skinned.weights, seen[code] @ unbind)
         np.testing.assert_allclose(found, want, atol=2e-6)
     stage = Usd.Stage.Open(str(tmp_path / "out.usdc"))
     assert stage.GetPrimAtPath("/man/bones/simulated").GetTypeName() == "SkelAnimation"

@@ -9,7 +9,7 @@ import warp as wp
 import wsim
 from tests.physics.animation.make import CHARACTERS, bones, lump, scene_of, skin, theirs, worn
 from wsim.geometry import rotation
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.kernels.animation import deformed
 from wsim.kernels.contact.project import SUNK
 from wsim.model.launches import LaunchList
@@ -82,7 +82,7 @@ def test_a_list_of_launches_that_a_graph_replays_has_the_bits_of_its_launches(mo
     rng, found = np.random.default_rng(3), []
     points, counts, indices = shapes.sphere(0.3, 12)
     skinned = skin(rng, bones(rng, True), points, method=DUAL, blends=[lump(rng)])
-    for way in (LaunchList.launch, LaunchList.replay):
+    for way in (LaunchList.launch, LaunchList.replay_as_graph):
         monkeypatch.setattr(LaunchList, "launch", way)
         sim = wsim.Simulation(scene_of(skinned, counts, indices), device="cpu", precision="float64")
         sim.run(3)
@@ -117,9 +117,9 @@ def test_levels_are_composed_from_the_roots_whatever_the_order_of_the_joints():
     parents[order] = [-1, *order[:-1]]
     T = np.tile([1.0, 0.0, 0.0], (1, n, 1))
     T[:, order[0]] = 0.0
-    Q = np.tile(rotation.exponential(np.array([0.0, 0.0, 0.1])), (1, n, 1))
+    Q = np.tile(rotation.quaternion_exponential(np.array([0.0, 0.0, 0.1])), (1, n, 1))
     s = Skeleton("/s/bones", tuple("abcdef"), np.tile(np.eye(4), (n, 1, 1)), parents=parents, translations=T, rotations=Q)
-    W = skinning.transforms(s, np.zeros(1))[0]
+    W = skinning.skinning_transforms(s, np.zeros(1))[0]
     angles = 0.1 * (np.arange(n) + 1)
     corners = np.concatenate([[[0.0, 0.0]], np.cumsum(np.stack([np.cos(angles), np.sin(angles)], 1), axis=0)[:-1]])
     np.testing.assert_allclose(W[order, :2, 3], corners, atol=1e-14)
@@ -131,7 +131,7 @@ def test_a_rotation_between_keys_turns_at_constant_speed():
     h = np.sqrt(0.5)
     s = Skeleton("/s/bones", ("a",), np.eye(4)[None], times=[0.0, 1.0], translations=np.zeros((2, 1, 3)),
                  rotations=np.array([[[h, 0.0, 0.0, h]], [[0.0, h, 0.0, h]]]))
-    q = skinning.sampled(s, np.array([0.5]))[1][0, 0]
+    q = skinning.sample_joint_animation(s, np.array([0.5]))[1][0, 0]
     np.testing.assert_allclose(q, (0.40824829, 0.40824829, 0.0, 0.81649658), atol=1e-8)
 
 
@@ -209,7 +209,7 @@ def test_a_tree_that_a_substep_refits_finds_what_warps_refit_finds(asked):
     """Faces, sides by normals and rays in any case; winding numbers where something asks for them."""
     rng = np.random.default_rng(5)
     points, counts, indices = shapes.sphere(0.3, 12)
-    corners = triangulate(points, counts, indices, True)[0].astype(np.int32)
+    corners = triangulate_polygons(points, counts, indices, True)[0].astype(np.int32)
     q, way = (wp.array(rng.normal(size=(300, 3)) * 0.4, dtype=wp.vec3f, device="cpu") for _ in range(2))
     moved = (points * [1.0, 3.0, 0.4] + 0.05 * np.sin(9.0 * points[:, [1, 2, 0]])).astype(np.float32)
     found = []
@@ -221,8 +221,8 @@ def test_a_tree_that_a_substep_refits_finds_what_warps_refit_finds(asked):
             function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value
             deep, mark = (wp.array([value], dtype=int, device="cpu") for value in (
                 int(asked == "deep"), int(SUNK) * (asked == "marked")))
-            wp.launch(deformed.refit("test_refit_own"), 1, [function, mesh.id, int(asked == "always"), deep, mark], [],
-                      device="cpu")
+            wp.launch(deformed.mesh_refit_kernel("test_refit_own"), 1, [function, mesh.id, int(asked == "always"), deep, mark],
+                      [], device="cpu")
         else:
             mesh.refit()
         out = wp.zeros(300, dtype=wp.vec4f, device="cpu")

@@ -8,7 +8,7 @@ import wsim
 from tests.make.usda import Reader, cloth, notes
 from tests.physics.animation.make import CHARACTERS, JOINTS, bones, lump, scene_of, skin, theirs, worn
 from tests.usd.prims.test_skeleton import BOUND, COLLIDES, character, mesh
-from wsim.physics.animation.objects import DUAL, LINEAR, Follow, Shape, Skeleton, Skinned
+from wsim.physics.animation.objects import DUAL, LINEAR, BlendShape, Follow, Skeleton, Skinned
 from wsim.scene import Scene, shapes
 from wsim.scene.curve import Curve, Motion
 
@@ -31,13 +31,14 @@ def full(method: str = LINEAR) -> tuple[Scene, Skinned]:
     skeleton = bones(rng)
     skeleton.motion, skeleton.stretch = standing(), np.diag([2.0, 1.0, 1.0])
     skeleton.shapes, skeleton.weights = ("grow",), Curve(np.array([0.0, 0.1]), np.array([[0.0], [1.0]]))
-    grow = Shape("grow", np.arange(6), 0.05 * rng.normal(size=(2, 6, 3)), [0.5, 1.0])
+    grow = BlendShape("grow", np.arange(6), 0.05 * rng.normal(size=(2, 6, 3)), [0.5, 1.0])
     geom = np.eye(4)
     geom[:3, 3] = (0.1, 0.2, 0.3)
     skinned = skin(rng, skeleton, points, method=method, blends=[grow, lump(rng)])
     skinned.geom = geom
     scene = scene_of(skinned, counts, indices)
-    scene.pin("/man/pins", scene.cloths[0], [0, 1, 2], target="/man/body", follows=Follow.at_points(skinned, [3, 4, 5]))
+    scene.pin("/man/pins", scene.cloths[0], [0, 1, 2], target="/man/body",
+              follows=Follow.at_points(skinned, [3, 4, 5]))
     return scene, skinned
 
 
@@ -173,9 +174,9 @@ def test_a_pin_over_a_turning_bone_keeps_its_height_over_the_skin():
 
 
 def test_pre_roll_delays_the_skeleton_once_for_all_that_follows_it():
-    from wsim.cli.run import later
+    from wsim.cli.run import delay_scene_curves
     scene, skinned = full()
-    moved = later(scene, 0.5)
+    moved = delay_scene_curves(scene, 0.5)
     (skeleton,) = moved.things("Skeleton")
     assert moved.colliders[0].shape.poses.skeleton is skeleton is moved.pins[0].follows.skin.skeleton
     np.testing.assert_allclose(moved.colliders[0].shape.poses.at(0.55), skinned.at(0.05), atol=1e-12)

@@ -12,8 +12,8 @@ from wsim.fitting import Settings, Track, fit
 from wsim.geometry import topology
 from wsim.model.model import make_body
 from wsim.physics.cloth import bending
-from wsim.physics.cloth.constraints import rows_of
-from wsim.physics.cloth.kind import row
+from wsim.physics.cloth.constraints import constraints_of_body
+from wsim.physics.cloth.kind import kind_row
 from wsim.physics.motion import frequency
 from wsim.scene import Cloth, Scene, shapes
 from wsim.scene.fabric import Fabric
@@ -53,17 +53,17 @@ def curved(points: np.ndarray, S: np.ndarray) -> np.ndarray:
 def test_the_curvature_of_a_quadratic_surface_is_exact(mesh):
     """Of triangles whose hinges are all there: within what SHARP leaves, 1e-3."""
     points, triangles, _ = strip(mesh, 20)
-    ids = topology.hinges(triangles)
-    found = bending.patches(points, triangles, ids, np.zeros(len(points), bool))
-    coupling, inverse = bending.coupling(points, found)
+    ids = topology.hinges_of_triangles(triangles)
+    found = bending.sheet_patches(points, triangles, ids, np.zeros(len(points), bool))
+    coupling, inverse = bending.hinge_coupling(points, found)
     S = np.array([[0.7, -0.4], [-0.4, 1.9]])
     rows, body = SimpleNamespace(ids=ids), SimpleNamespace(rest=points, first=0)
-    G = row("dihedral").slopes(rows, body)[:, 0, :, 2]
+    G = kind_row("dihedral").slopes(rows, body)[:, 0, :, 2]
     z = (G * curved(points, S)[ids]).sum(axis=1) / np.sqrt(inverse)
     slot = np.maximum(coupling.slot, 0)
     C = (np.where(coupling.slot >= 0, z[slot], 0.0)[..., None] * coupling.value).sum(axis=1)
     inside = (coupling.slot >= 0).all(axis=1)
-    area = topology.areas(points, triangles)
+    area = topology.triangle_areas(points, triangles)
     assert inside.sum() > 10
     np.testing.assert_allclose((C**2).sum(axis=1)[inside] / area[inside], (S**2).sum(), rtol=2e-3)
 
@@ -72,8 +72,8 @@ def test_the_curvature_of_a_quadratic_surface_is_exact(mesh):
 def test_hinges_alone_of_these_compliances_are_at_least_as_stiff(mesh):
     """What XPBD's stability and its bound rest on: sum |C_t|^2 <= sum z^2, and not by a factor of more than 1.2 anywhere."""
     points, triangles, pinned = strip(mesh, 8)
-    found = bending.patches(points, triangles, topology.hinges(triangles), pinned)
-    coupling, _ = bending.coupling(points, found)
+    found = bending.sheet_patches(points, triangles, topology.hinges_of_triangles(triangles), pinned)
+    coupling, _ = bending.hinge_coupling(points, found)
     V = np.zeros((3 * len(coupling.slot), len(found.ids)))
     for s in range(bending.SLOTS):
         at = np.flatnonzero(coupling.slot[:, s] >= 0)
@@ -91,21 +91,21 @@ def test_gradients_by_points_at_rest_are_those_of_differences():
     triangles = np.concatenate([triangles, [[triangles[9, 0], triangles[9, 1], len(points)]]]).astype(np.int32)
     points = np.concatenate([points, [[0.4, 0.1, 0.5]]])
     points[:, 2] += 0.1 * np.sin(3.0 * points[:, 0]) + 0.01 * rng.normal(size=len(points))
-    ids = topology.hinges(triangles)
+    ids = topology.hinges_of_triangles(triangles)
     for size in (1.0, 0.01):
         p = size * points
-        found = bending.patches(p, triangles, ids, np.append(pinned, False))
+        found = bending.sheet_patches(p, triangles, ids, np.append(pinned, False))
         assert len(found.alone) == 2 and not found.bends.all()
-        coupling, inverse = bending.coupling(p, found)
+        coupling, inverse = bending.hinge_coupling(p, found)
         by_value, by_inverse = rng.normal(size=coupling.value.shape), rng.normal(size=inverse.shape)
 
         def loss(p, by_value=by_value, by_inverse=by_inverse, found=found):
-            c, inverse = bending.coupling(p, found)
+            c, inverse = bending.hinge_coupling(p, found)
             return (c.value * by_value).sum() + (inverse * by_inverse).sum()
         way, h = rng.normal(size=p.shape), 3e-5 * size
         slope = sum(w * (loss(p + k * h * way) - loss(p - k * h * way))
                     for k, w in enumerate((4 / 5, -1 / 5, 4 / 105, -1 / 280), 1)) / h
-        assert (bending.by_points(p, found, by_value, by_inverse) * way).sum() == pytest.approx(slope, rel=1e-7)
+        assert (bending.rest_point_gradient(p, found, by_value, by_inverse) * way).sum() == pytest.approx(slope, rel=1e-7)
 
 
 def sheet(mesh: str = "irregular", cells: int = 6, curved: float = 0.0, clamped: bool = True, **more) -> Scene:
@@ -159,7 +159,7 @@ def test_the_bound_of_the_frequency_holds_and_is_near():
     for mesh in MESHES:
         points, triangles, _ = strip(mesh, 8)
         sim = Simulation(sheet(mesh, 8, fabric={"stretch": 1e-6, "shear": 0.0}, solver="xpbd", substeps=1), **DOUBLE)
-        bound, low = frequency.bound(sim.model)[0], frequency.estimate(sim.model, 200)
+        bound, low = frequency.frequency_bound(sim.model)[0], frequency.frequency_estimate(sim.model, 200)
         pinned = sim.scene.pins[0].points
         K, free = stiffness(points, triangles, np.isin(np.arange(len(points)), pinned)), np.ones(len(points), bool)
         free[pinned] = False
@@ -213,9 +213,9 @@ def test_a_fan_of_three_triangles_and_a_sliver_bend_as_hinges():
     """Three on an edge, one of no height: numbers, and a hinge by itself bend l^2 / A."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0], [0.5, 0, 1], [0.2, -1, 0], [0.35, -1, 0]], float)
     triangles = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4], [0, 5, 3], [5, 6, 3]], np.int32)
-    ids = topology.hinges(triangles)
-    found = bending.patches(points, triangles, ids, np.zeros(7, bool))
-    coupling, inverse = bending.coupling(points, found)
+    ids = topology.hinges_of_triangles(triangles)
+    found = bending.sheet_patches(points, triangles, ids, np.zeros(7, bool))
+    coupling, inverse = bending.hinge_coupling(points, found)
     assert np.isfinite(coupling.value).all() and np.isfinite(inverse).all() and len(found.alone) == 3
     edge = [k for k in range(len(ids)) if set(ids[k, :2]) == {0, 1}]
     np.testing.assert_allclose(1.0 / inverse[edge], 1.0, rtol=1e-12)                 # l = 1, A = 1/2 + 1/2
@@ -225,18 +225,18 @@ def test_triangles_without_a_height_divide_nothing_and_leave_gradients_alone():
     """One of three points in a row, one of an edge without length, and then all in one place: they have no curvature."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0], [0.2, -1, 0], [0.35, -1, 0], [0.35, -1, 0]], float)
     triangles = np.array([[0, 1, 2], [1, 0, 3], [0, 4, 3], [4, 5, 3], [3, 5, 6]], np.int32)
-    ids, whole = topology.hinges(triangles), topology.hinges(triangles[:3])
+    ids, whole = topology.hinges_of_triangles(triangles), topology.hinges_of_triangles(triangles[:3])
     good = np.array([(row == whole).all(axis=1).any() for row in ids])
     with np.errstate(divide="raise", invalid="raise"):
-        both = [bending.patches(points, triangles, ids[good], np.zeros(7, bool)),
-                bending.patches(points, triangles[:3], whole, np.zeros(7, bool))]
-        (one, inverse), (other, less) = (bending.coupling(points, found) for found in both)
+        both = [bending.sheet_patches(points, triangles, ids[good], np.zeros(7, bool)),
+                bending.sheet_patches(points, triangles[:3], whole, np.zeros(7, bool))]
+        (one, inverse), (other, less) = (bending.hinge_coupling(points, found) for found in both)
         assert (one.value[3:] == 0.0).all() and (one.value[:3] == other.value).all() and (inverse == less).all()
-        by = [bending.by_points(points, found, np.ones_like(c.value), np.ones_like(inverse))
+        by = [bending.rest_point_gradient(points, found, np.ones_like(c.value), np.ones_like(inverse))
               for found, c in zip(both, (one, other), strict=True)]
         assert (by[0] == by[1]).all() and np.abs(by[0]).max() > 0.1
-        nothing = bending.patches(0.0 * points, triangles, ids[:0], np.zeros(7, bool))
-        assert (bending.coupling(0.0 * points, nothing)[0].value == 0.0).all()
+        nothing = bending.sheet_patches(0.0 * points, triangles, ids[:0], np.zeros(7, bool))
+        assert (bending.hinge_coupling(0.0 * points, nothing)[0].value == 0.0).all()
 
 
 def test_a_sheet_of_shapes_has_hinges_of_every_kind_of_cut():
@@ -244,6 +244,6 @@ def test_a_sheet_of_shapes_has_hinges_of_every_kind_of_cut():
     found = []
     for cut in ("quads", "diagonal"):
         cloth = Cloth("/c", *shapes.sheet(1.0, 0.6, 6, 4, cut=cut), material=Fabric(bend=1.0))
-        (hinges,) = [r for r in rows_of(make_body(cloth, 0, 0, 0)) if r.kind == "dihedral"]
+        (hinges,) = [r for r in constraints_of_body(make_body(cloth, 0, 0, 0)) if r.kind == "dihedral"]
         found.append(np.sort(hinges.alpha))
     np.testing.assert_allclose(found[0], found[1], rtol=1e-9)

@@ -9,8 +9,8 @@ import pytest
 from tools.bench.bending.strips import strip
 from tools.bench.nets import reference
 from wsim.model.model import make_body
-from wsim.physics.cloth.constraints import rows_of
-from wsim.physics.cloth.kinds.tether import tethers
+from wsim.physics.cloth.constraints import constraints_of_body
+from wsim.physics.cloth.kinds.tether import tether_constraints
 from wsim.scene import Cloth, Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
@@ -131,7 +131,7 @@ def test_diagonals_of_squares_give_the_shear_stiffness():
 
 def test_springs_of_quads_are_edges_and_both_diagonals():
     b = body(*shapes.sheet(1.0, 1.0, 3, 4, cut="quads"), model="springs", material=Fabric(bend=0.0))
-    stretch, shear = rows_of(b)
+    stretch, shear = constraints_of_body(b)
     assert (len(stretch.ids), len(shear.ids)) == (3 * 5 + 4 * 4, 2 * 12)
     np.testing.assert_allclose(shear.rest, np.hypot(1 / 3, 1 / 4), rtol=1e-6)
     np.testing.assert_allclose(1.0 / stretch.shape * stretch.rest**2, [
@@ -168,7 +168,7 @@ def test_rest_angles_are_flat_or_those_of_the_rest_shape():
     rolled = on_cylinder(points, 2.0)
     for flat in (True, False):
         b = body(rolled, counts, indices, material=FABRIC, flat=flat)
-        (hinges,) = [r for r in rows_of(b) if r.kind == "dihedral"]
+        (hinges,) = [r for r in constraints_of_body(b) if r.kind == "dihedral"]
         wanted = np.zeros(len(hinges.ids)) if flat else angles(b.rest, hinges.ids)
         np.testing.assert_allclose(np.abs(hinges.rest), wanted, atol=1e-5)
 
@@ -203,7 +203,7 @@ def test_a_strip_clamped_at_one_end_hangs_as_the_elastica(mesh):
 
 def test_a_strain_limit_holds_every_edge():
     b = body(*shapes.sheet(1.0, 1.0, 4, 4), material=Fabric(strain_limit=0.05))
-    (limit,) = [r for r in rows_of(b) if r.kind == "limit"]
+    (limit,) = [r for r in constraints_of_body(b) if r.kind == "limit"]
     assert len(limit.ids) == len(b.edges) and not limit.alpha.any()
     p = b.rest[limit.ids]
     np.testing.assert_allclose(limit.rest, 1.05 * np.linalg.norm(p[:, 1] - p[:, 0], axis=1), rtol=1e-12)
@@ -215,7 +215,7 @@ def test_tethers_are_the_shortest_ways_along_rest_edges():
     points, counts, indices = shapes.sheet(1.0, 1.5, 6, 9)
     b = body(points, counts, indices, tethers=True)
     pinned = b.index[[0, 6]]
-    (rows,) = tethers(b, pinned)
+    (rows,) = tether_constraints(b, pinned)
     p = b.rest[b.edges]
     i, j = b.edges.T
     way = graph.dijkstra(coo_matrix((np.linalg.norm(p[:, 1] - p[:, 0], axis=1), (i, j)), (b.count, b.count)).tocsr(),
@@ -229,8 +229,8 @@ def test_tethers_are_the_shortest_ways_along_rest_edges():
 
 def test_no_tethers_without_a_pin_or_a_wish():
     points, counts, indices = shapes.sheet(1.0, 1.0, 2, 2)
-    assert tethers(body(points, counts, indices, tethers=True), np.zeros(0, np.int64)) == []
-    assert not any(r.kind == "tether" for r in rows_of(body(points, counts, indices), np.array([0])))
+    assert tether_constraints(body(points, counts, indices, tethers=True), np.zeros(0, np.int64)) == []
+    assert not any(r.kind == "tether" for r in constraints_of_body(body(points, counts, indices), np.array([0])))
 
 
 @pytest.mark.parametrize("model, name, kind", [("membrane", "stretch", "membrane"), ("membrane", "shear", "membrane"),
@@ -267,7 +267,7 @@ def test_the_first_axis_of_a_membrane_is_x_of_the_rest_shape():
     upright = points[:, [2, 1, 0]]                                      # in the plane of y and z
     for p, axis in ((points, 0), (upright, 1)):
         b = body(p, counts, indices, material=FABRIC)
-        (rows,) = [r for r in rows_of(b) if r.kind == "membrane"]
+        (rows,) = [r for r in constraints_of_body(b) if r.kind == "membrane"]
         x = b.rest.copy()
         x[:, axis] *= 1.1
         corners = x[rows.ids]

@@ -7,13 +7,13 @@ from tests.physics.rigid.test_contact import box
 from tests.physics.rigid.touch.test_blows import by
 from tests.physics.rigid.touch.touching import Mixed, run, scene
 from wsim import Box, Cone, Cylinder, Fabric, Motion, Scene, Simulation, fabric, shapes
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 
 APART = 3.0            # [m] between the cloths of a scene, each above a collider of its own
 STANDS_OUT = 1e-3      # [m]
 
 
-UP, TILT = about_axis(np.array([1.0, 0, 0]), -np.pi / 2), about_axis(np.array([0.6, 0, 0.8]), 0.6)
+UP, TILT = axis_rotation_matrix(np.array([1.0, 0, 0]), -np.pi / 2), axis_rotation_matrix(np.array([0.6, 0, 0.8]), 0.6)
 STRAIGHT = np.eye(3)
 SOLIDS = [(Box((0.4, 0.02, 0.3)), (0, 0, 0), STRAIGHT), (Box((0.2, 0.15, 0.2)), (0, -0.25, 0), TILT),
           (Box((0.01, 0.2, 0.3)), (0, -0.16, 0), STRAIGHT), (Cylinder(0.25, 0.1), (0, -0.1, 0), UP)]

@@ -6,7 +6,7 @@ import warp as wp
 
 from tests.make.equations import EQUATIONS
 from wsim.kernels.cloth import curvature, curvature_adjoint, element, element_adjoint
-from wsim.kernels.cloth.corner_gradients import works
+from wsim.kernels.cloth.corner_gradients import adjoint_works
 
 STEP = 1e-3
 WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])         # of differences of order 8
@@ -30,14 +30,14 @@ class Case:
         self.p = rng.normal(size=(n, 3))
         self.module = f"test_corner_{constraint}_{damped}"
         if row.rows == 3:
-            self.forces = element.corners(real=wp.float64, module=self.module, damped=damped)
+            self.forces = element.membrane_force_kernel(real=wp.float64, module=self.module, damped=damped)
         else:                                                       # curvatures of twenty triangles of any six hinges
-            self.forces = curvature.corners(wp.float64, self.module)
+            self.forces = curvature.hinge_force_kernel(wp.float64, self.module)
             self.slot = rng.integers(0, count, (20, 9)).astype(np.int32)
             self.values["value"] = rng.normal(size=(180, 3)) * (np.arange(180) % 9 < 6)[:, None]
 
     def batch(self, values: dict):
-        data = element.elements(EQUATIONS[self.constraint], wp.float64)()
+        data = element.force_elements(EQUATIONS[self.constraint], wp.float64)()
         types = {"rest": wp.mat22d, "stiffness": wp.vec4d} if self.corners == 3 else {}
         ids = np.arange(self.count * self.corners, dtype=np.int32).reshape(self.count, self.corners)
         data.point = wp.array(ids, dtype=wp.types.vector(self.corners, int), device="cpu")
@@ -46,7 +46,7 @@ class Case:
         return data
 
     def curvatures(self, values: dict):
-        cur = curvature.curvatures(wp.float64)()
+        cur = curvature.sheet_curvatures(wp.float64)()
         used = np.flatnonzero(np.arange(180) % 9 < 6)
         hinge = self.slot.ravel()[used]
         ends = np.cumsum(np.bincount(hinge, minlength=self.count))
@@ -76,8 +76,8 @@ class Case:
         inputs = self.inputs(values)
         if self.corners == 4:
             cur = self.curvatures(values)
-            self.launch(curvature.strained(wp.float64, self.module, self.damped), *inputs[:4], cur)
-            self.launch(curvature.sums(wp.float64, self.module), cur, count=20)
+            self.launch(curvature.hinge_strain_kernel(wp.float64, self.module, self.damped), *inputs[:4], cur)
+            self.launch(curvature.curvature_sum_kernel(wp.float64, self.module), cur, count=20)
             inputs.append(cur)
         self.launch(self.forces, *inputs, f)
         assert np.isfinite(f.numpy()).all()
@@ -89,7 +89,7 @@ class Case:
         return sum(w * (at(k * STEP) - at(-k * STEP)) for k, w in enumerate(WEIGHTS, 1)) / STEP
 
     def gradients(self, direct: bool) -> dict:
-        by, work = self.batch({k: np.zeros_like(a) for k, a in self.values.items()}), works(wp.float64)()
+        by, work = self.batch({k: np.zeros_like(a) for k, a in self.values.items()}), adjoint_works(wp.float64)()
         p = wp.array(self.p, dtype=wp.vec3d, device="cpu")
         work.corners, work.rates = (wp.zeros(len(self.p), dtype=wp.vec3d, device="cpu") for _ in range(2))
         if direct:
@@ -99,13 +99,13 @@ class Case:
         inputs, how, more = self.inputs(self.values), (wp.float64, self.module, self.damped), {}
         if self.corners == 4:
             cur, by_cur = (self.curvatures(self.values | {"value": v}) for v in (self.values["value"], np.zeros((180, 3))))
-            self.launch(curvature_adjoint.products(*how, direct), *inputs, cur, work)
-            self.launch(curvature.sums(*how[:2], both=True), cur, count=20)
-            self.launch(curvature_adjoint.corners(*how, True, direct), *inputs, cur, work, by)
-            self.launch(curvature_adjoint.values(*how[:2]), cur, by_cur, count=20)
+            self.launch(curvature_adjoint.bending_product_kernel(*how, direct), *inputs, cur, work)
+            self.launch(curvature.curvature_sum_kernel(*how[:2], both=True), cur, count=20)
+            self.launch(curvature_adjoint.bending_adjoint_kernel(*how, True, direct), *inputs, cur, work, by)
+            self.launch(curvature_adjoint.curvature_adjoint_kernel(*how[:2]), cur, by_cur, count=20)
             more = {"value": by_cur.value.numpy()}
         else:
-            self.launch(element_adjoint.corners(*how, True, direct), *inputs, work, by)
+            self.launch(element_adjoint.membrane_adjoint_kernel(*how, True, direct), *inputs, work, by)
         positions = work.corners.numpy()
         return {"x": positions, "d": positions, "v": work.rates.numpy(),
                 **{name: getattr(by, name).numpy() for name in ("rest", "stiffness", "tau")}, **more}

@@ -10,7 +10,7 @@ from wsim.geometry import topology
 from wsim.kernels.cloth import curvature, curvature_adjoint, curvature_line_search
 from wsim.kernels.cloth.constraint import DIHEDRAL
 from wsim.kernels.cloth.terms import batch_of
-from wsim.kernels.solver.line_search import Trial
+from wsim.kernels.solver.line_search import LineSearchTrial
 from wsim.physics.cloth import bending
 from wsim.scene import Scene
 from wsim.scene.fabric import Fabric
@@ -40,8 +40,8 @@ def folded(one: float, other: float) -> np.ndarray:
 
 def closed_form(x: np.ndarray, bend: float) -> float:
     """f K f / 2 + sum K_hh (D^2 - f^2) / 2, K from `wsim.physics.cloth.bending`."""
-    ids = topology.hinges(TRIANGLES)
-    coupling, inverse = bending.coupling(SHEET, bending.patches(SHEET, TRIANGLES, ids, np.zeros(5, bool)))
+    ids = topology.hinges_of_triangles(TRIANGLES)
+    coupling, inverse = bending.hinge_coupling(SHEET, bending.sheet_patches(SHEET, TRIANGLES, ids, np.zeros(5, bool)))
     V = np.zeros((len(coupling.slot), 3, len(ids)))
     for t, s in zip(*np.nonzero(coupling.slot >= 0), strict=True):
         V[t, :, coupling.slot[t, s]] += coupling.value[t, s] / np.sqrt(inverse[coupling.slot[t, s]])
@@ -67,7 +67,7 @@ def test_f_its_slope_and_what_it_leaves(real):
     """To two units of 1, of any angle; near 0 relative to the angle. Slopes to three, f'' is up to
     3/2; the rest, s^4 (3 + s^2) / 4, to six."""
     def fold(angle: wp.array(dtype=real), out: wp.array2d(dtype=real)):
-        value, slope, rest = curvature.fold(angle[wp.tid()])
+        value, slope, rest = curvature.folded_angle(angle[wp.tid()])
         out[wp.tid(), 0] = value
         out[wp.tid(), 1] = slope
         out[wp.tid(), 2] = rest
@@ -139,13 +139,14 @@ def test_the_line_search_sees_the_change_of_the_energy():
     case, step = Case("dihedral", False), 0.1
     values = case.values | {"alpha": 1.0 / case.values["stiffness"], "tau": np.zeros(COUNT), "p": step * case.p}
     x, d, a, p = vectors(values, "x", "d", "d", "p")
-    cur, trial, looks = case.curvatures(values), Trial(), curvature_line_search.looks(wp.float64)()
+    cur, trial, looks = case.curvatures(values), LineSearchTrial(), curvature_line_search.hinge_searches(wp.float64)()
     looks.own, looks.found = cur.own, wp.zeros((COUNT, curvature_line_search.COLUMNS), dtype=wp.float64, device="cpu")
     trial.lanes, trial.begin, trial.end = 1, 0, 9
     trial.step = wp.full(1, -1.0, dtype=wp.float64, device="cpu")
     trial.change = wp.zeros((1, 9), dtype=wp.float64, device="cpu")
-    for kernel, size, inputs in ((curvature_line_search.hinges, COUNT, [table(case, values), x, d, a, p, RATE, looks]),
-                                 (curvature_line_search.change, 20, [cur, looks])):
+    for kernel, size, inputs in ((curvature_line_search.hinge_search_kernel, COUNT,
+                                  [table(case, values), x, d, a, p, RATE, looks]),
+                                 (curvature_line_search.curvature_change_kernel, 20, [cur, looks])):
         trial.first = wp.array([0, size], dtype=int, device="cpu")
         case.launch(kernel(wp.float64, case.module), trial, *inputs, count=1)
     at = values["x"] + values["d"]
@@ -162,9 +163,10 @@ class Targets:
         self.values = {name: given[name] for name in ("x", "d", "rest", "value")} | {
             "a": given["d"] + given["v"] / RATE, "alpha": 1.0 / given["stiffness"], "tau": given["tau"]}
         self.p, how, adjoint = rng.normal(size=COUNT), (wp.float64, f"test_targets_{damped}"), curvature_adjoint
-        self.forward = curvature.angles(*how, damped), curvature.sums(*how), curvature.targets(*how)
-        self.back = (adjoint.seeds(*how, damped), curvature.sums(*how, both=True), adjoint.targets(*how, damped),
-                     adjoint.values(*how))
+        self.forward = (curvature.hinge_angle_kernel(*how, damped), curvature.curvature_sum_kernel(*how),
+                        curvature.target_angle_kernel(*how))
+        self.back = (adjoint.target_seed_kernel(*how, damped), curvature.curvature_sum_kernel(*how, both=True),
+                     adjoint.target_adjoint_kernel(*how, damped), adjoint.curvature_adjoint_kernel(*how))
 
     def at(self, values: dict) -> list:
         return [table(self.case, values), *vectors(values, "x", "d", "a")]
@@ -180,7 +182,8 @@ class Targets:
 
     def gradients(self) -> dict:
         data, x, d, a = self.at(self.values)
-        by, s = table(self.case, {k: np.zeros_like(v) for k, v in self.values.items()}), curvature_adjoint.swept(wp.float64)()
+        by, s = (table(self.case, {k: np.zeros_like(v) for k, v in self.values.items()}),
+                 curvature_adjoint.swept_hinges(wp.float64)())
         cur, by_cur = (self.case.curvatures(self.values | {"value": v}) for v in (self.values["value"], np.zeros((180, 3))))
         s.rest, s.by_rest, s.by_target = data.rest, by.rest, wp.array(self.p, dtype=wp.float64, device="cpu")
         s.corners, s.rates = (wp.zeros(4 * COUNT, dtype=wp.vec3d, device="cpu") for _ in range(2))

@@ -52,7 +52,7 @@ class Reference:
         self.ends, self.l0, self.k = (np.concatenate([a(r) for r in springs])
                                       for a in (lambda r: r.ids, lambda r: r.rest, lambda r: 1.0 / r.alpha))
         self.triangles = b.triangles
-        self.A0 = topology.areas(b.rest, b.triangles)
+        self.A0 = topology.triangle_areas(b.rest, b.triangles)
 
     def force(self, x: np.ndarray) -> np.ndarray:
         f = np.zeros_like(x)
@@ -72,7 +72,7 @@ class Reference:
 
     def energy(self, x: np.ndarray) -> float:
         L = np.linalg.norm(x[self.ends[:, 1]] - x[self.ends[:, 0]], axis=1)
-        strained = topology.areas(x, self.triangles) - self.A0
+        strained = topology.triangle_areas(x, self.triangles) - self.A0
         return float((0.5 * self.k * (L - self.l0)**2).sum() + 0.5 * AREA * (strained**2).sum())
 
     def acceleration(self, x: np.ndarray) -> np.ndarray:
@@ -156,7 +156,7 @@ def test_the_solver_is_chosen_by_the_bound_of_its_frequency():
         step = step.reshape(-1, 3)
         K[:, c] = ((reference.force(b.rest - step) - reference.force(b.rest + step)) / (2.0 * eps)).ravel()
     highest = np.linalg.eigvalsh(0.5 * (K + K.T) * np.outer(*2 * (np.repeat(root_w, 3),))).max()**0.5
-    bound, low = frequency.bound(reference.sim.model)[0], frequency.estimate(reference.sim.model, 200)
+    bound, low = frequency.frequency_bound(reference.sim.model)[0], frequency.frequency_estimate(reference.sim.model, 200)
     assert low == pytest.approx(highest, rel=1e-3) and highest <= bound < 1.5 * highest
 
 
@@ -164,19 +164,19 @@ def test_the_solver_is_chosen_by_the_bound_of_its_frequency():
 def test_what_newton_keeps_of_the_jacobian_is_never_negative_and_exact_at_rest(moved):
     """Forces are minus the gradient of the energy; blocks of pairs are those of its Hessian where C = 0."""
     p = 0.1 * np.array([[0, 0, 0], [1.0, 0.2, 0.1], [0.3, 1.1, -0.2]])
-    A0, alpha, eps = float(topology.areas(p, np.array([[0, 1, 2]]))[0]), 1e-4, 1e-6
+    A0, alpha, eps = float(topology.triangle_areas(p, np.array([[0, 1, 2]]))[0]), 1e-4, 1e-6
     p = p * (1.0 + moved)
 
     def energy(q: np.ndarray) -> float:
-        C, _ = kind.evaluate(KIND.equation, q.reshape(1, 3, 3), np.array([A0]))
+        C, _ = kind.evaluate_kind(KIND.equation, q.reshape(1, 3, 3), np.array([A0]))
         return float(0.5 * C[0]**2 / alpha)
     data, out = batch_of(KIND.equation, wp.float64)(), elements_of(wp.float64)()
     data.point = wp.array([[0, 1, 2]], dtype=wp.vec3i, device="cpu")
     data.rest, data.alpha, data.tau = (wp.array([v], dtype=wp.float64, device="cpu") for v in (A0, alpha, 0.0))
     out.force, out.block = wp.zeros(3, dtype=wp.vec3d, device="cpu"), wp.zeros(3, dtype=wp.mat33d, device="cpu")
     x, none = wp.array(p, dtype=wp.vec3d, device="cpu"), wp.zeros(3, dtype=wp.vec3d, device="cpu")
-    wp.launch(general.element(KIND.equation, wp.float64, "test_area_element"), 1, [data, x, none, none, 1.0, wp.vec2i(0, 0)],
-              [out], device="cpu")
+    wp.launch(general.general_element_kernel(KIND.equation, wp.float64, "test_area_element"), 1,
+              [data, x, none, none, 1.0, wp.vec2i(0, 0)], [out], device="cpu")
     steps = eps * np.eye(9)
     gradient = np.array([(energy(p.ravel() + s) - energy(p.ravel() - s)) / (2.0 * eps) for s in steps])
     assert np.abs(out.force.numpy().ravel() + gradient).max() < 1e-7 * max(1.0, np.abs(gradient).max())
@@ -186,7 +186,7 @@ def test_what_newton_keeps_of_the_jacobian_is_never_negative_and_exact_at_rest(m
     assert values.min() > -1e-12 * values.max() and values.max() > 0.0
     if not moved:
         def slope(q: np.ndarray) -> np.ndarray:
-            C, G = kind.evaluate(KIND.equation, q.reshape(1, 3, 3), np.array([A0]))
+            C, G = kind.evaluate_kind(KIND.equation, q.reshape(1, 3, 3), np.array([A0]))
             return (C[0] / alpha) * G[0, 0].ravel()
         H = np.array([(slope(p.ravel() + s) - slope(p.ravel() - s)) / (2.0 * eps) for s in steps])
         assert np.abs(A - H).max() < 1e-8 * np.abs(H).max()
@@ -228,8 +228,9 @@ def test_gradients_go_through_every_solver(how):
 @pytest.mark.parametrize("how", [LEAPT, SOLVED, SWEPT])
 def test_constraints_are_made_once_a_build(how, monkeypatch):
     """One list, of which whoever steps, chooses, reports and draws bounds reads."""
-    made, rows_of = [], constraints.rows_of
-    monkeypatch.setattr(constraints, "rows_of", lambda body, pinned: made.append(body.path) or rows_of(body, pinned))
+    made, rows_of = [], constraints.constraints_of_body
+    monkeypatch.setattr(constraints, "constraints_of_body", lambda body,
+                        pinned: made.append(body.path) or rows_of(body, pinned))
     sim = Simulation(film(1e-4, **how), worlds=2, gradients=how is not SWEPT, **DOUBLE)
     sim.step()
     sim.indicators()

@@ -8,12 +8,12 @@ import warp as wp
 
 import wsim
 from tests.gradient.test_gradients import Run, net
-from wsim.cli.fit import _save
+from wsim.cli.fit import _save_fitted_layer
 from wsim.fitting import Settings, Track
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.scene import Motion, Plane, Scene, SceneError, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.scene.solid import Bulk
 from wsim.simulation.simulation import Simulation
@@ -192,14 +192,14 @@ MISTAKES = {"no curve": ({"actuation": None}, "muscles without an actuation"),
 def test_mistakes_are_found_by_their_path(mistake):
     scene, (change, words) = muscled(), MISTAKES[mistake]
     scene.springs[0] = replace(scene.springs[0], **change)
-    found = [str(p) for p in check(scene) if p.fatal]
+    found = [str(p) for p in check_scene(scene) if p.fatal]
     assert found and all("/chain" in p for p in found) and any(words in p for p in found), found
 
 
 def test_a_group_without_springs_is_warned_of():
     scene = muscled()
     scene.springs[0].muscles = np.minimum(GROUPS, 0).astype(np.int32)
-    assert [p.fatal for p in check(scene)] == [False] and "muscle group 1" in check(scene)[0].text
+    assert [p.fatal for p in check_scene(scene)] == [False] and "muscle group 1" in check_scene(scene)[0].text
 
 
 def test_factors_are_an_input_of_a_rollout():
@@ -222,7 +222,7 @@ def test_factors_are_found_again_from_a_motion(tmp_path):
     found = wsim.fit(wsim.load(tmp_path / "scene.usda"), [Track("/chain", np.arange(1, 5), np.array(seen), sigma=1e-6)],
                      "actuation[free]", settings=Settings(device="cpu", limit=40.0))
     assert found.values["actuation[]"] == pytest.approx(truth.values, abs=2e-3)
-    _save(wsim.load(tmp_path / "scene.usda"), found, str(tmp_path / "fitted.usda"))
+    _save_fitted_layer(wsim.load(tmp_path / "scene.usda"), found, str(tmp_path / "fitted.usda"))
     written = wsim.load(tmp_path / "fitted.usda").springs[0].actuation
     assert written.values == pytest.approx(found.values["actuation[]"]) and np.array_equal(written.times, TIMES)
     with pytest.raises(SceneError, match="nothing there has actuation"):

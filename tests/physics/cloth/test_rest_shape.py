@@ -16,8 +16,8 @@ from tests.simulation.test_ties import laid
 from wsim.fitting import Settings
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.model.model import make_body
-from wsim.physics.cloth.constraints import rows_of
-from wsim.physics.cloth.rest_shape import masses_of, rest_shape
+from wsim.physics.cloth.constraints import constraints_of_body
+from wsim.physics.cloth.rest_shape import current_rest_shape, masses_of
 from wsim.physics.solver import xpbd_adjoint
 from wsim.scene import Scene, SceneError, shapes
 from wsim.simulation.simulation import Simulation
@@ -39,7 +39,7 @@ def crooked(model: str, size: float = 1.0, **kwargs) -> Scene:
 
 def by_rest_shape(run: Run, step: float = 5e-6, within: float = 1e-10) -> None:
     """Along a random direction."""
-    start = rest_shape(run.sim.model.body(run.path))
+    start = current_rest_shape(run.sim.model.body(run.path))
     way = np.random.default_rng(6).normal(size=start.shape)
     found = (run.gradient.rest_shape(run.path) * way).sum()
     run.check(found, lambda s: (run.path, "rest_shape", start + s * way), step, within)
@@ -102,14 +102,14 @@ def test_what_constraints_are_at_rest():
             cloth.counts, cloth.indices = shapes.sheet(0.2, 0.2, 4, 4, cut="quads")[1:]
         body = make_body(cloth, 0, 0, 0)
         rng, pins = np.random.default_rng(4), body.index[pinned]
-        way, rows = rng.normal(size=body.rest.shape), rows_of(body, pins)
+        way, rows = rng.normal(size=body.rest.shape), constraints_of_body(body, pins)
         assert {r.kind for r in rows} >= {"dihedral", "limit", "tether", {"membrane": "membrane", "springs": "distance"}[model]}
         for k, r in enumerate(rows):
             by = [rng.normal(size=r.rest.shape), rng.normal(size=len(r.ids)) * (r.shape.any() > 0.0)]
             by += [rng.normal(size=r.coupling.value.shape)] if r.coupling else []
 
             def loss(s: float, k=k, by=by, body=body, way=way, pins=pins) -> float:
-                r = rows_of(replace(body, rest=body.rest + s * way), pins)[k]
+                r = constraints_of_body(replace(body, rest=body.rest + s * way), pins)[k]
                 parts = [r.rest, r.shape, *([r.coupling.value] if r.coupling else [])]
                 return sum((part * each).sum() for part, each in zip(parts, by, strict=True))
             step = 2e-6 if r.kind in ("tether", "dihedral") else 2e-5
@@ -130,7 +130,7 @@ def test_points_that_bodies_share():
     run = Run(scene, frames=1)
     run.path = "/bar"
     run.gradient = run.recording.backward({1: {"/blanket": run.x}}, {1: {"/blanket": run.v}})
-    start, way, losses = rest_shape(run.sim.model.body("/bar")), np.random.default_rng(6).normal(size=(len(
+    start, way, losses = current_rest_shape(run.sim.model.body("/bar")), np.random.default_rng(6).normal(size=(len(
         scene.softs[0].points), 3)), []
     for s in (1e-6, -1e-6):
         sim = Simulation(scene, device="cpu", precision="float64")
@@ -148,7 +148,7 @@ def test_masses_that_follow_a_shape(change):
     """Differences of order 8 of the masses alone."""
     source = crooked("membrane").cloths[0] if "thicknesses" in change else bar("corotational").softs[0]
     body = make_body(replace(source, **change), 0, 0, 0)
-    rng, start, n = np.random.default_rng(4), rest_shape(body), len(body.own)
+    rng, start, n = np.random.default_rng(4), current_rest_shape(body), len(body.own)
     way, by = rng.normal(size=start.shape), rng.normal(size=body.count)
 
     def loss(s: float) -> float:
@@ -219,7 +219,7 @@ def test_a_fit_finds_a_shape():
     """A sheet that was cut 4 cm wider on one side, from 15 frames with 1 mm of noise: its edges to 0.3 mm."""
     scene, sides = field_sheet("membrane", frames=15), []
     body = Simulation(scene, device="cpu").model.body(None)
-    start, truth = rest_shape(body), rest_shape(body).copy()
+    start, truth = current_rest_shape(body), current_rest_shape(body).copy()
     truth[:, 0] += 0.04 * start[:, 0] * (start[:, 2] + 0.5)
     tracks = seen(scene, list(range(1, 16)), 1e-3, 1e-3, sets=[("rest_shape", truth)])
     found = wsim.fit(scene, tracks, "rest_shape[]", settings=Settings(device="cpu"))

@@ -25,7 +25,7 @@ def two(x: wp.array(dtype=int)):
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """A cache of its own, of a process that has loaded nothing yet."""
-    kernel_cache.start()
+    kernel_cache.start_warp()
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
     monkeypatch.setattr(wp.config, "use_precompiled_headers", False)
     forget()
@@ -41,9 +41,9 @@ def forget() -> None:
 
 def loaded() -> list[list[int]]:
     """What the kernels leave."""
-    device, found = kernel_cache.device("cpu"), []
+    device, found = kernel_cache.warp_device("cpu"), []
     for name, kernel in zip(NAMES, (one, two), strict=True):
-        kernel_cache.load(name, device)
+        kernel_cache.load_kernel_module(name, device)
         x = wp.zeros(2, dtype=int, device="cpu")
         wp.launch(kernel, 2, [x], device="cpu")
         found.append(x.numpy().tolist())
@@ -63,13 +63,13 @@ def test_two_are_compiled_at_the_same_time_and_loaded_from_the_cache(cache, monk
         meet.wait()
         compile(*args, **more)
     monkeypatch.setattr(build, "build_cpu", meeting)
-    compile_all(each(2), kernel_cache.device("cpu"))
+    compile_all(each(2), kernel_cache.warp_device("cpu"))
     assert len(count) == 2 and loaded() == [[1, 2], [2, 3]] and len(count) == 2
-    assert all(kernel_cache._unsound(name) == [] and kernel_cache._folders(name) for name in NAMES)
+    assert all(kernel_cache._unsound_folders(name) == [] and kernel_cache._folders_of_module(name) for name in NAMES)
 
 
 def test_the_code_is_that_of_modules_which_are_compiled_alone(cache):
-    compile_all(each(2), kernel_cache.device("cpu"))
+    compile_all(each(2), kernel_cache.warp_device("cpu"))
     found = {path.name: path.read_bytes() for path in cache.rglob("*.o")}
     assert len(found) == 2
     for path in list(cache.iterdir()):
@@ -79,7 +79,7 @@ def test_the_code_is_that_of_modules_which_are_compiled_alone(cache):
 
 
 def test_one_alone_is_left_to_its_load(cache):
-    compile_all(each(1), kernel_cache.device("cpu"))
+    compile_all(each(1), kernel_cache.warp_device("cpu"))
     assert not list(cache.iterdir())
 
 
@@ -88,8 +88,8 @@ def test_what_goes_wrong_is_said_by_the_load(cache, monkeypatch):
         raise RuntimeError("no such instruction")
     with monkeypatch.context() as patch:
         patch.setattr(build, "build_cpu", broken)
-        compile_all(each(2), kernel_cache.device("cpu"))
+        compile_all(each(2), kernel_cache.warp_device("cpu"))
         with pytest.raises(RuntimeError, match="no such instruction"):
-            kernel_cache.load(NAMES[0], kernel_cache.device("cpu"))
+            kernel_cache.load_kernel_module(NAMES[0], kernel_cache.warp_device("cpu"))
     forget()
     assert loaded() == [[1, 2], [2, 3]]

@@ -46,13 +46,13 @@ def test_scenes_have_the_same_bits_by_plain_warp(scenes, tmp_path):
 
 
 def test_the_version_changes_with_what_rewrites(monkeypatch):
-    before = version.version()
-    assert before == version.version() and len(before) == 32
-    real = source.functions
-    monkeypatch.setattr(source, "functions", lambda text: real(text.replace("= 2.0", "= 3.0")))
-    assert version.version() != before
+    before = version.rewriting_version()
+    assert before == version.rewriting_version() and len(before) == 32
+    real = source.rewrite_functions
+    monkeypatch.setattr(source, "rewrite_functions", lambda text: real(text.replace("= 2.0", "= 3.0")))
+    assert version.rewriting_version() != before
     monkeypatch.setattr(version, "PLAIN", True)
-    assert version.version() == "plain"
+    assert version.rewriting_version() == "plain"
 
 
 def test_a_binary_of_another_version_is_compiled_once_more(tmp_path, monkeypatch):
@@ -61,10 +61,10 @@ def test_a_binary_of_another_version_is_compiled_once_more(tmp_path, monkeypatch
     folder = tmp_path / "wp_wsim_versions_0123456"
     folder.mkdir()
     (folder / "binary.o").write_bytes(b"code")
-    kernel_cache._record("wsim_versions")
-    assert kernel_cache._unsound("wsim_versions") == []
-    monkeypatch.setattr(kernel_cache, "version", lambda: hashlib.blake2b(b"other", digest_size=16).hexdigest())
-    assert kernel_cache._unsound("wsim_versions") == [folder]
+    kernel_cache._record_digests("wsim_versions")
+    assert kernel_cache._unsound_folders("wsim_versions") == []
+    monkeypatch.setattr(kernel_cache, "rewriting_version", lambda: hashlib.blake2b(b"other", digest_size=16).hexdigest())
+    assert kernel_cache._unsound_folders("wsim_versions") == [folder]
 
 
 def test_a_warp_without_private_names_is_run_as_it_is(monkeypatch):
@@ -75,15 +75,15 @@ def test_a_warp_without_private_names_is_run_as_it_is(monkeypatch):
     monkeypatch.setattr(variants, "TOLD", [])
     with pytest.warns(RuntimeWarning, match=r"lacks cpu_linear\w+, _INLINE_ATTRS, build_cpu, build_cuda: first frames"):
         for _ in range(2):
-            with variants.single():
+            with variants.single_variant():
                 pass
     assert len(variants.TOLD) == 1
-    recorded.lighten()
+    recorded.lighten_capture()
 
     class Bare:
         """A module that offers nothing."""
     assert warp_private.folder_name(Bare(), 1) is None and not warp_private.in_cache(Bare(), 1)
-    assert warp_private.executables(Bare()) is None
+    assert warp_private.loaded_executables(Bare()) is None
     warp_private.forget_module(Bare())
     assert warp_private.private_module("no_such_module") is None
 

@@ -47,7 +47,7 @@ class Setting:
         self.o.inner.a = wp.array(self.a, dtype=wp.vec3, device="cpu")
         self.o.out = wp.zeros(4, dtype=wp.float64, device="cpu", requires_grad=True)
         self.on = wp.array(self.x, dtype=wp.float64, device="cpu", requires_grad=True)
-        kernel_cache.load(mixed.module, wp.get_device("cpu"))
+        kernel_cache.load_kernel_module(mixed.module, wp.get_device("cpu"))
 
     def launch(self, **more):
         recorded.launch(mixed, 4, [True, 200, self.o, self.w, self.on, wp.float16(0.5), 7], [], device="cpu", **more)
@@ -58,12 +58,12 @@ class Setting:
 
 
 def light(graph) -> bool:
-    return type(graph._apic_capture) is recorded.lean()
+    return type(graph._apic_capture) is recorded.lean_capture_class()
 
 
 def test_arguments_of_all_sizes_are_where_a_kernel_looks_for_them():
     s = Setting()
-    with kernel_cache.capture("cpu") as capture:
+    with kernel_cache.capture_graph("cpu") as capture:
         s.launch()
     assert light(capture.graph) and not s.o.out.numpy().any()
     wp.capture_launch(capture.graph)
@@ -77,7 +77,7 @@ def test_arguments_of_all_sizes_are_where_a_kernel_looks_for_them():
 def test_a_backward_pass_is_recorded_and_is_so_again():
     """d(much x^2)/dx = 2 much x, exact to rounding; two launches add."""
     s = Setting()
-    with kernel_cache.capture("cpu") as capture:
+    with kernel_cache.capture_graph("cpu") as capture:
         for _ in range(2):
             s.o.out.grad.fill_(1.0)                              # a backward pass takes what it reads
             s.launch(adj_inputs=[None, None, s.o, None, s.on.grad, None, None], adjoint=True)
@@ -89,7 +89,7 @@ def test_a_backward_pass_is_recorded_and_is_so_again():
 def test_what_a_graph_writes_outlives_every_other_reference_to_it():
     """Arrays that a struct had when it was launched, of which it has others since, and their gradients."""
     s = Setting()
-    with kernel_cache.capture("cpu") as capture:
+    with kernel_cache.capture_graph("cpu") as capture:
         s.launch()
     graph, seen = capture.graph, s.o.out
     looked = [weakref.ref(each) for each in (seen, seen.grad, s.o.inner.a, s.on)]
@@ -106,7 +106,7 @@ def test_what_a_graph_writes_outlives_every_other_reference_to_it():
 def test_a_member_set_between_two_launches_is_the_second_ones():
     s = Setting()
     first = s.o.out
-    with kernel_cache.capture("cpu") as capture:
+    with kernel_cache.capture_graph("cpu") as capture:
         s.launch()
         s.o.out = wp.zeros(4, dtype=wp.float64, device="cpu")
         s.o.inner.much = 0.2
@@ -124,9 +124,9 @@ def scaled(x: wp.array(dtype=wp.float64), a: wp.float64, n: int, out: wp.array(d
 
 def test_arrays_that_live_for_a_launch_and_signs_of_zero_are_told_apart():
     """Slices that are gone when the next is made, at the same address in Python; 1 / -0 is not 1 / 0; 1 is not 1.0."""
-    kernel_cache.load(scaled.module, wp.get_device("cpu"))
+    kernel_cache.load_kernel_module(scaled.module, wp.get_device("cpu"))
     x, out = (wp.array(np.arange(1.0, 41.0), dtype=wp.float64, device="cpu") for _ in range(2))
-    with kernel_cache.capture("cpu") as capture:
+    with kernel_cache.capture_graph("cpu") as capture:
         for k, a in enumerate((1, 1.0, 2.0, 0.0, -0.0, 2.0, -0.0, 0.0, 1, 4.0)):
             recorded.launch(scaled, 4, [x[4 * k:4 * k + 4], a, k], [out[4 * k:4 * k + 4]], device="cpu")
     gc.collect()
@@ -138,7 +138,7 @@ def test_arrays_that_live_for_a_launch_and_signs_of_zero_are_told_apart():
 
 def test_a_launch_of_a_known_kernel_is_as_strict_as_the_first_and_one_of_no_thread_is_none():
     s = Setting()
-    with kernel_cache.capture("cpu"):
+    with kernel_cache.capture_graph("cpu"):
         s.launch()
         recording = wp._src.context.runtime._apic_capture
         for threads, x, n, words in ((4, s.o.inner.a, 7, "dtype"), (4, s.on, "seven", "pack"), (-1, s.on, 7, "non-negative")):
@@ -160,7 +160,7 @@ def test_frames_have_the_bits_of_warps_recording(solver, monkeypatch):
         return sim, sim.positions()
     sim, x = run()
     assert all(light(graph) for graph in sim.graphs.values()) and sim.graphs
-    monkeypatch.setattr(recorded, "lighten", lambda: None)
+    monkeypatch.setattr(recorded, "lighten_capture", lambda: None)
     sim, own = run()
     assert not any(light(graph) for graph in sim.graphs.values())
     np.testing.assert_array_equal(x, own)
@@ -168,22 +168,22 @@ def test_frames_have_the_bits_of_warps_recording(solver, monkeypatch):
 
 def test_warp_records_as_ever_where_it_has_other_structs(monkeypatch):
     monkeypatch.setattr(recorded, "INFO", (*recorded.INFO, "more"))
-    recorded.lean.cache_clear()
+    recorded.lean_capture_class.cache_clear()
     try:
         s = Setting()
-        with kernel_cache.capture("cpu") as capture:
+        with kernel_cache.capture_graph("cpu") as capture:
             s.launch()
-        assert recorded.lean() is None
+        assert recorded.lean_capture_class() is None
         wp.capture_launch(capture.graph)
         np.testing.assert_allclose(s.o.out.numpy(), s.wanted, rtol=1e-6)
     finally:
-        recorded.lean.cache_clear()
+        recorded.lean_capture_class.cache_clear()
 
 
 def test_a_graph_that_is_to_be_saved_is_recorded_as_ever():
     s = Setting()
     with wp.ScopedCapture(device="cpu", force_module_load=False, apic=True) as capture:
-        recorded.lighten()
+        recorded.lighten_capture()
         s.launch()
     assert not light(capture.graph)
-    recorded.lighten()                                         # nothing is captured: nothing happens
+    recorded.lighten_capture()                                 # nothing is captured: nothing happens

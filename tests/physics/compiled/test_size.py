@@ -11,15 +11,16 @@ import warp as wp
 from warp._src import codegen
 
 from wsim.kernels.rigid import passes
-from wsim.kernels.rigid.complementarity.converged import converged
-from wsim.kernels.rigid.joint.passes import linked
-from wsim.kernels.rigid.narrow.gjk import descent
-from wsim.kernels.rigid.passes import substeps
+from wsim.kernels.rigid.complementarity.converged import converged_step_kernel
+from wsim.kernels.rigid.joint.passes import linked_substep_kernel
+from wsim.kernels.rigid.narrow.gjk import gjk_search_func
+from wsim.kernels.rigid.passes import body_substep_kernel
 from wsim.model.compiler import variants
 
 PASSES = {"prepare", "warm", "thrown", "begun", "ended", "placed"}
-OF = {substeps: PASSES | {"solve"}, converged: PASSES | {"solved"},
-      linked: PASSES - {"thrown"} | {"solve", "lined", "reset", "joined", "loosed"}}       # impacts are a kernel of their own
+OF = {body_substep_kernel: PASSES | {"solve"}, converged_step_kernel: PASSES | {"solved"},
+      # impacts are a kernel of their own
+      linked_substep_kernel: PASSES - {"thrown"} | {"solve", "lined", "reset", "joined", "loosed"}}
 
 
 @pytest.mark.parametrize("factory", OF, ids=lambda f: f.__name__)
@@ -32,11 +33,11 @@ def test_each_pass_is_called_at_one_place_of_a_kernel_of_substeps(factory):
 
 
 def test_functions_that_stand_by_themselves_do_so_on_a_cpu_and_nowhere_else():
-    function = descent(frozenset({"hull"}), wp.float32)
+    function = gjk_search_func(frozenset({"hull"}), wp.float32)
     assert function.inline_hint == variants.APART
-    with variants.single():
+    with variants.single_variant():
         assert getattr(codegen, variants.WORDS).get(function.inline_hint)
-    with variants.single(cpu=False):
+    with variants.single_variant(cpu=False):
         assert not getattr(codegen, variants.WORDS).get(function.inline_hint)
     assert getattr(codegen, variants.WORDS).get(function.inline_hint)
 

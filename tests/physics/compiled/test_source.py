@@ -91,7 +91,7 @@ def roomy(out: wp.array(dtype=float)):
 
 def generated(module: str = "compiled_source") -> str:
     """Source that Warp made of the module for a CPU."""
-    kernel_cache.load(module, kernel_cache.device("cpu"))
+    kernel_cache.load_kernel_module(module, kernel_cache.warp_device("cpu"))
     folder = Path(wp.config.kernel_cache_dir, wp.get_module(module).get_module_identifier(1))
     (made,) = folder.glob("*.cpp")
     return made.read_text()
@@ -106,14 +106,14 @@ def test_what_a_function_changes_is_its_own():
     both = Both()
     both.pair.a, both.pair.b, both.count = wp.array([1.0, 2.0], dtype=float, device="cpu"), 2.0, 7
     out = wp.zeros(2, dtype=float, device="cpu")
-    kernel_cache.load("compiled_source", kernel_cache.device("cpu"))
+    kernel_cache.load_kernel_module("compiled_source", kernel_cache.warp_device("cpu"))
     wp.launch(work, 2, [both], [out], device="cpu")
     a = np.array([1.0, 2.0])
     assert out.numpy() == pytest.approx(2.0 * a + 1010.0 * 3.0 * a + 1.0e6 * np.array([2.0, 100.0]) + 2.0, rel=1e-6)
 
 
 def test_what_is_only_read_goes_by_reference_and_nothing_else():
-    text = source.functions(generated())
+    text = source.rewrite_functions(generated())
     assert " & var_both" in parameters(text, "read") and " & var_values" in parameters(text, "written")
     assert " & var_" not in parameters(text, "changed")
     assert " & var_pair" not in parameters(text, "replaced") and " & var_pair" not in parameters(text, "bumped")
@@ -138,7 +138,7 @@ extern "C" __launch_bounds__(256) __global__ void work_cuda_kernel_forward(
 
 @pytest.mark.parametrize("line, stays", [("taken_0(var_other);", True), ("var_other = var_pair;", False)])
 def test_a_kernel_of_a_gpu_reads_in_place_the_structs_that_it_does_not_change(line, stays):
-    text = source.functions(KERNEL % line)
+    text = source.rewrite_functions(KERNEL % line)
     assert ("const __grid_constant__ Pair_1 given_var_other" in text) == stays
     assert ("Pair_1 & var_other = const_cast<Pair_1 &>(given_var_other);" in text) == stays
     assert (text.count("__grid_constant__") == 2) == stays
@@ -149,16 +149,16 @@ def test_a_gpu_compiles_what_is_rewritten(monkeypatch, tmp_path):
     """NVRTC takes it without a device, and not for want of that as it was."""
     monkeypatch.setattr(variants, "TOLD", [])
     seen = []
-    real = source.functions
-    monkeypatch.setattr(source, "functions", lambda text: seen.append(real(text)) or seen[-1])
+    real = source.rewrite_functions
+    monkeypatch.setattr(source, "rewrite_functions", lambda text: seen.append(real(text)) or seen[-1])
     for name in ("compiled_source", "compiled_rooms"):
-        with variants.single(cpu=False):
+        with variants.single_variant(cpu=False):
             wp.compile_aot_module(wp.get_module(name), arch=90, module_dir=tmp_path)
     assert not variants.TOLD and "const __grid_constant__ Both" in seen[0] and "wsim_room<300" in seen[1]
 
 
 def test_arrays_of_a_thread_are_zeroed_once_and_scratch_never():
-    text = source.functions(generated("compiled_rooms"))
+    text = source.rewrite_functions(generated("compiled_rooms"))
     assert text.count("var_") and "fixedarray_t" not in text.partition("builtin_tid1d")[2]
     assert len(re.findall(r"wsim_room<\d+, wp::float32> var_\w+;", text)) == 2 and text.count(".zero();") == 1
 
@@ -166,10 +166,10 @@ def test_arrays_of_a_thread_are_zeroed_once_and_scratch_never():
 def test_a_module_without_a_backward_pass_has_a_header_without_adjoints():
     text = generated()
     assert header.INCLUDES in text
-    short = header.within(text)
+    short = header.with_lean_header(text)
     assert "#include" not in short.partition("builtin_tid1d")[2] and header.INCLUDES not in short
     whole = "".join(path.read_text() for path in header.NATIVE.glob("*.h"))
-    left, all_ = (re.findall(r"\bvoid adj_(?!atomic|tile)\w+\(", each) for each in (header.lean(), whole))
+    left, all_ = (re.findall(r"\bvoid adj_(?!atomic|tile)\w+\(", each) for each in (header.lean_header_text(), whole))
     assert len(all_) > 300 and len(left) < 0.01 * len(all_)
 
 
@@ -182,16 +182,16 @@ def test_the_header_is_enough_for_what_a_module_calls(monkeypatch, tmp_path):
     def counted(*args, **more):
         tried.append(args[1])
         build.build_cpu(*args, **more)
-    variants.rewritten(counted, str(tmp_path / "module.o"), str(given), block_dim=1)
+    variants.compile_rewritten(counted, str(tmp_path / "module.o"), str(given), block_dim=1)
     assert len(tried) == 1 and tried[0] != str(given)
-    assert all(re.search(rf"\b{name}\(", header.lean()) for name in (
+    assert all(re.search(rf"\b{name}\(", header.lean_header_text()) for name in (
         "mesh_query_point", "volume_sample_f", "texture_sample", "curlnoise", "tile_matmul", "hash_grid_query"))
 
 
 def test_the_header_keeps_all_functions_but_adjoints():
     whole = "".join(path.read_text() for path in header.NATIVE.glob("*.h") if path.name in ("vec.h", "mat.h", "quat.h"))
     names = set(re.findall(r"^inline CUDA_CALLABLE [^\n]*?(\w+)\(", whole, re.M)) - set(re.findall(r"\badj_\w+", whole))
-    assert len(names) > 40 and all(re.search(rf"\b{name}\(", header.lean()) for name in names)
+    assert len(names) > 40 and all(re.search(rf"\b{name}\(", header.lean_header_text()) for name in names)
 
 
 def test_a_process_that_keeps_headers_has_one_without_adjoints_and_compiles_the_same_code_by_it(monkeypatch, tmp_path):
@@ -202,8 +202,8 @@ def test_a_process_that_keeps_headers_has_one_without_adjoints_and_compiles_the_
     compiled, made, binary = [], [], tmp_path / "module.o"
     for kept in (False, True, True):
         monkeypatch.setattr(header, "KEPT", kept)
-        variants.rewritten(build.build_cpu, str(binary), str(given), use_precompiled_headers=True, pch_dir=str(place),
-                           block_dim=1)
+        variants.compile_rewritten(build.build_cpu, str(binary), str(given), use_precompiled_headers=True, pch_dir=str(place),
+                                   block_dim=1)
         compiled.append(binary.read_bytes())
         made.append({path: path.stat().st_mtime_ns for path in place.rglob("*.pch")})
     assert compiled[0] == compiled[1] == compiled[2]
@@ -222,7 +222,7 @@ def test_a_module_that_calls_adjoints_keeps_the_whole_header(tmp_path):
     out, given, seen = wp.zeros(1, dtype=float, device="cpu"), tmp_path / "module.cpp", []
     given.write_text(generated("compiled_graded"))
     wp.launch(slope, 1, [2.0], [out], device="cpu")
-    variants.rewritten(lambda obj, cpp, **more: seen.append(Path(cpp).read_text()), "module.o", str(given))
+    variants.compile_rewritten(lambda obj, cpp, **more: seen.append(Path(cpp).read_text()), "module.o", str(given))
     assert out.numpy()[0] == 12.0 and len(seen) == 1 and header.INCLUDES in seen[0]
 
 
@@ -242,7 +242,7 @@ def test_what_cannot_be_rewritten_is_compiled_as_it_was_and_that_is_said_once(mo
     monkeypatch.setattr(variants, "TOLD", [])
     with pytest.warns(RuntimeWarning, match=rf"^Warp {wp.__version__} {said}: .* install warp-lang==1\.19") as heard:
         for _ in range(2):
-            variants.rewritten(compiled, "module.o", str(given), use_precompiled_headers=True)
+            variants.compile_rewritten(compiled, "module.o", str(given), use_precompiled_headers=True)
     assert len(heard) == 1 and seen[0][0] != str(given)
     assert not fails or seen[1] == (str(given), True)
     assert list(tmp_path.iterdir()) == [given] and given.read_text() == text
@@ -255,5 +255,5 @@ def test_a_module_that_does_not_compile_at_all_is_no_fault_of_the_rewriting(monk
     given.write_text(f"{header.INCLUDES}{FUNCTION}")
     monkeypatch.setattr(variants, "TOLD", [])
     with pytest.raises(RuntimeError, match="no"):
-        variants.rewritten(compiled, "module.o", str(given))
+        variants.compile_rewritten(compiled, "module.o", str(given))
     assert variants.TOLD == []

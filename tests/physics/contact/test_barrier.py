@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.physics.contact.test_restitution import G, ball
-from wsim.physics.contact.barrier import energy
+from wsim.physics.contact.barrier import contact_energy_scale
 from wsim.scene import SceneError
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
 
 FALL = 0.1             # [m]
@@ -57,7 +57,7 @@ def test_steps_too_long_for_the_width_and_a_restitution_are_refused():
         Simulation(scene, device="cpu")
     scene.integrator = "auto"
     sim = Simulation(scene, device="cpu")
-    omega = (6.0 * energy(scene)) **0.5 / 0.002
+    omega = (6.0 * contact_energy_scale(scene)) **0.5 / 0.002
     assert sim.plan.clock.dt / sim.plan.clock.substeps < 2.0 / omega
     scene.colliders[0].restitution = 0.5
-    assert [p.path for p in check(scene) if p.fatal and "gives back all energy" in p.text] == ["/floor"]
+    assert [p.path for p in check_scene(scene) if p.fatal and "gives back all energy" in p.text] == ["/floor"]

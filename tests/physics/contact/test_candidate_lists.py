@@ -13,7 +13,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.physics.contact import broad
-from wsim.physics.contact.contacts import Bodies, Contacts
+from wsim.physics.contact.contacts import CollidablePoints, ColliderContacts
 from wsim.scene import Collider, Scene, Surface, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
@@ -84,15 +84,15 @@ class Pair:
         self.v = speed * rng.normal(size=(N, 3)) * rng.uniform(0.0, 1.0, (N, 1))**2
         body = collider(rng, shape, how)
         module = f"test_lists_{'sheet' if shape == 'sheet' else 'solid'}_{self.t.name}"
-        self.of = [Contacts(self.bodies(body), device=device, real=real, module=module, substeps=SUBSTEPS, dt=DT)
+        self.of = [ColliderContacts(self.bodies(body), device=device, real=real, module=module, substeps=SUBSTEPS, dt=DT)
                    for _ in range(2)]
-        self.of[0].searches()                            # both, before the module is compiled
-        broad.listed(self.of[1])
+        self.of[0].make_search_kernel()                  # both, before the module is compiled
+        broad.use_face_lists(self.of[1])
 
-    def bodies(self, body: Collider) -> Bodies:
+    def bodies(self, body: Collider) -> CollidablePoints:
         mu = np.tile((0.3, 0.3), (N, 1))
-        return Bodies([[body]], np.zeros((1, 3)), np.zeros(N, np.int32), np.ones(N), np.full(N, 0.001), mu,
-                      np.zeros((0, 3)), np.zeros(1), np.full(1, 0.001))
+        return CollidablePoints([[body]], np.zeros((1, 3)), np.zeros(N, np.int32), np.ones(N), np.full(N, 0.001), mu,
+                                np.zeros((0, 3)), np.zeros(1), np.full(1, 0.001))
 
     def substeps(self):
         """Slots of both after each substep of two frames."""
@@ -107,7 +107,7 @@ class Pair:
                 if k % 13 == 5:
                     self.v = self.v[self.rng.permutation(N)]
 
-    def found(self, c: Contacts, k: int, step: np.ndarray) -> dict[str, Any]:
+    def found(self, c: ColliderContacts, k: int, step: np.ndarray) -> dict[str, Any]:
         x, d, a = (wp.array(v, dtype=self.t.vec3, device=self.device) for v in (self.x, step, 0.0 * step))
         c.search(k, x, d, a)
         s = c.slots
@@ -151,7 +151,7 @@ def test_lists_that_have_no_room_ask_for_it_and_change_nothing():
             contacts.points.room = room                           # of more in its arrays
         else:
             contacts.points.wanted.zero_()
-            assert broad.roomier(contacts.points, wanted) and contacts.points.room == min(wanted, broad.MOST)
+            assert broad.grow_face_lists(contacts.points, wanted) and contacts.points.room == min(wanted, broad.MOST)
         found = np.sum([apart(*found) for found in pair.substeps()], axis=0)
         wanted, lists = int(contacts.points.wanted.numpy()[0]), contacts.points.radius.numpy() > 0
         whole.append((contacts.points.count.numpy()[lists] <= contacts.points.room).mean())
@@ -186,7 +186,7 @@ def test_a_run_is_that_of_searches_in_every_substep(monkeypatch):
     sim.run(6)
     assert np.array_equal(sim.state.x.numpy(), x)
     with monkeypatch.context() as m:
-        m.setattr(broad, "listed", lambda *_: None)
+        m.setattr(broad, "use_face_lists", lambda *_: None)
         whole = run()
     assert whole.plan.ports.contacts.points.every == 0
     np.testing.assert_allclose(whole.state.x.numpy(), x, rtol=0.0, atol=1e-6)

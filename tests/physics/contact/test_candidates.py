@@ -6,7 +6,7 @@ import warp as wp
 
 from wsim.kernels.contact import candidates, mesh
 from wsim.kernels.contact.mesh import SHEET, SOLID
-from wsim.kernels.contact.project import tables
+from wsim.kernels.contact.project import contact_tables
 from wsim.kernels.math.real import types
 from wsim.physics.contact.broad import ROOM
 
@@ -33,8 +33,8 @@ def bowl(n: int, closed: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
 def both(kind: str, real, points, triangles, ends: np.ndarray, strays: np.ndarray, radius: float):
     """What tree and list say of paths (n, 2, 3); lists are made `strays` away, with `radius`."""
     kinds = (kind,)
-    plain, listed, number = mesh.touch_mesh(kinds, real), candidates.touch_listed(kinds, real), KINDS[kind]
-    t, (Rows, Points) = types(real), tables(real)
+    plain, listed, number = mesh.mesh_touch_func(kinds, real), candidates.listed_touch_func(kinds, real), KINDS[kind]
+    t, (Rows, Points) = types(real), contact_tables(real)
     vec = t.vec3
     module = f"test_candidates_{kind}_{real.__name__}"
 
@@ -43,7 +43,7 @@ def both(kind: str, real, points, triangles, ends: np.ndarray, strays: np.ndarra
             out: wp.array2d(dtype=vec)):
         i = wp.tid()
         m = c.of.mesh[0]
-        candidates.make(m, L, 0, i, wp.vec3f(q1[i] + stray[i]), R, 0.0)
+        candidates.make_face_list(m, L, 0, i, wp.vec3f(q1[i] + stray[i]), R, 0.0)
         margin = wp.length(q1[i] - q0[i]) + real(0.002)
         C, n, p, s0, slip = plain(number, m, 0, real(1.0), q0[i], q1[i], real(0.01), margin)
         out[0, i] = vec(C, s0, real(0.0))

@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from wsim.kernels.contact import collide
-from wsim.kernels.contact.shape import CONVEX, distance
+from wsim.kernels.contact.collider.shape import CONVEX, convex_distance_func
 from wsim.kernels.math.real import types
 
 SIZES = {"plane": (0.0, 0.0, 0.0), "sphere": (0.4, 0.0, 0.0), "box": (0.3, 0.5, 0.2), "capsule": (0.2, 0.35, 0.0),
@@ -60,7 +60,7 @@ def to_boundary(kind, q):
 
 @cache
 def evaluator(real):
-    t, formula = types(real), distance(CONVEX)
+    t, formula = types(real), convex_distance_func(CONVEX)
 
     @wp.kernel(module="test_collide", enable_backward=False)
     def evaluate(kind: int, size: t.vec3, q: wp.array(dtype=t.vec3), phi: wp.array(dtype=real),
@@ -137,7 +137,7 @@ def test_centres_and_axes_have_a_unit_normal(kind, real):
 
 @cache
 def sweeper(real):
-    t, formula = types(real), collide.touch_convex(CONVEX, real)
+    t, formula = types(real), collide.convex_touch_func(CONVEX, real)
 
     @wp.kernel(module="test_collide", enable_backward=False)
     def sweep(kind: int, size: t.vec3, q0: wp.array(dtype=t.vec3), q1: wp.array(dtype=t.vec3), r: real, margin: real,
@@ -193,7 +193,7 @@ def test_the_plane_of_a_sweep_keeps_the_point_out(kind):
 
 @cache
 def mesh_sweeper(real):
-    t, formula = types(real), collide.touch_mesh(("solid", "sheet"), real)
+    t, formula = types(real), collide.mesh_touch_func(("solid", "sheet"), real)
 
     @wp.kernel(module="test_collide", enable_backward=False)
     def sweep(kind: int, mesh: wp.uint64, deep: int, depth: real, q0: wp.array(dtype=t.vec3),

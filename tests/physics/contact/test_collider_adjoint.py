@@ -16,10 +16,10 @@ from tests.gradient.test_gradients import WEIGHTS, Run
 from tests.physics.contact.test_project_adjoint import SHAPES, SOLVERS, TOP, Slid, dropped
 from tests.physics.contact.test_restitution import ball, cube
 from wsim.fitting import Settings, Track
-from wsim.fitting.fields.field import fields
-from wsim.fitting.fields.misfit import Adjoint
-from wsim.fitting.parameter import parameters
-from wsim.geometry.rotation import about_axis
+from wsim.fitting.fields.field import fields_of_names
+from wsim.fitting.fields.misfit import AdjointMisfit
+from wsim.fitting.parameter import parameters_of_names
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.scene import Box, Plane, Scene, SceneError, Sphere, Surface, shapes
@@ -108,7 +108,7 @@ def led(own: Motion, substeps: int, shift: np.ndarray, turn: np.ndarray) -> Moti
     for M, a, w in zip(values, *(q[k] + (at - k)[:, None] * (q[k + 1] - q[k]) for q in (shift, turn)), strict=True):
         M[:3, 3] += a
         angle = np.linalg.norm(w)
-        M[:3, :3] = about_axis(w / max(angle, 1e-300), angle) @ M[:3, :3]
+        M[:3, :3] = axis_rotation_matrix(w / max(angle, 1e-300), angle) @ M[:3, :3]
     return Motion(at / 60, values)
 
 
@@ -141,7 +141,7 @@ def test_a_plane_of_triangles_has_the_gradients_of_a_plane(solver, closed):
         scene.colliders[0].shape = shape
         scene.colliders[0].thickness = 1.5e-3
         scene.colliders[0].motion.values[:, 2, 3] += HIGH["sphere"] - 1.5e-3
-        tilt = about_axis(np.array([0.6, 0.8, 0.0]), 0.02)
+        tilt = axis_rotation_matrix(np.array([0.6, 0.8, 0.0]), 0.02)
         scene.colliders[0].motion.values[:, :3, :3] = scene.colliders[0].motion.values[:, :3, :3] @ tilt
         runs.append(Run(replace(scene, contact_width=1e-3), frames=FRAMES))
     assert np.abs(runs[0].recording.positions(FRAMES) - runs[1].recording.positions(FRAMES)).max() < 1e-14
@@ -157,7 +157,7 @@ def test_a_sheet_that_slides_down_a_mesh_as_the_formula_says():
     angle, n, h, mu, z = 0.6, 3 * 6, 1 / 360, 0.3, 1e-5
     scene, slope = slid("solid", "xpbd"), np.eye(4)
     cloth, floor = scene.cloths[0], scene.colliders[0]
-    slope[:3, :3] = about_axis(np.array([0.0, 1.0, 0.0]), angle)
+    slope[:3, :3] = axis_rotation_matrix(np.array([0.0, 1.0, 0.0]), angle)
     down, up = slope[:3, 0], slope[:3, 2]
     cloth.points[:, 2], cloth.velocities = 0.0, None
     cloth.rest_points, cloth.motion = cloth.points.copy(), Motion.still(slope.copy())
@@ -195,7 +195,7 @@ def test_a_bounce_by_restitution_and_by_where_the_floor_is():
 def test_by_the_restitution_of_two_colliders_in_two_worlds(solver, integrator):
     scene = ball(e=0.7, height=0.05, v=(1.0, 0.0, 0.0), solver=solver, integrator=integrator)
     turned = np.eye(4)
-    turned[:3, :3], turned[0, 3] = about_axis(np.array([0.0, 1.0, 0.0]), -np.pi / 2), 1.15
+    turned[:3, :3], turned[0, 3] = axis_rotation_matrix(np.array([0.0, 1.0, 0.0]), -np.pi / 2), 1.15
     scene.collider("/wall", Plane(), motion=Motion.still(turned), restitution=0.4)
     sim = Simulation(scene, device="cpu", precision="float64", gradients=True, worlds=2)
     sim.set("/wall", "restitution", 0.6, 1)
@@ -276,7 +276,7 @@ def test_friction_and_restitution_are_found_again():
     assert result.values["restitution"] == pytest.approx(0.7, rel=1e-6)
     assert result.scene.colliders[0].restitution == result.values["restitution"] and first.colliders[0].restitution == 0.6
     with pytest.raises(SceneError, match="/floor: restitution is 0 at the start"):
-        parameters("restitution", [ball(e=0.0)])
+        parameters_of_names("restitution", [ball(e=0.0)])
 
 
 def test_the_motion_of_a_collider_is_found_from_what_it_throws():
@@ -287,8 +287,8 @@ def test_the_motion_of_a_collider_is_found_from_what_it_throws():
     sim.set("/floor", "motion", truth)
     sim.run(FRAMES, lambda s: found.append(s.positions()))
     tracks = [Track("/cloth", np.arange(1, FRAMES + 1), np.array(found))]
-    misfit = Adjoint([(scene, tracks)], fields(["/floor:motion[]"], [scene]), "cpu")
-    misfit.believe(misfit.start)
+    misfit = AdjointMisfit([(scene, tracks)], fields_of_names(["/floor:motion[]"], [scene]), "cpu")
+    misfit.set_beliefs(misfit.start)
     theta = misfit.theta([truth.values[1:, :3, 3] - np.stack([scene.colliders[0].motion.at(t)[:3, 3] for t in times[1:]])])
     value, slope = misfit.look(theta)
     assert value[0] < 1e-25 and np.abs(slope[0]).max() < 1e-12
@@ -303,7 +303,7 @@ def test_a_layer_holds_what_was_found_of_colliders(tmp_path):
     scene, times = Scene(fps=60.0, frames=3), np.arange(4) / 60
     scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2))
     turned = np.eye(4)
-    turned[:3, :3], turned[:3, 3] = about_axis(np.array([0.0, 0.6, 0.8]), 0.4), (0.1, 0.2, -0.3)
+    turned[:3, :3], turned[:3, 3] = axis_rotation_matrix(np.array([0.0, 0.6, 0.8]), 0.4), (0.1, 0.2, -0.3)
     scene.collider("/World/box", Box((0.1, 0.2, 0.3)), motion=Motion.still(turned))
     for name in "ab":
         scene.collider(f"/World/{name}", Sphere(0.3), restitution=0.5)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.physics.contact.selfcontact.rig import THIN, crossed, layers, said
 from tests.physics.contact.test_restitution import ball, bounced, run
-from tests.physics.selfcontact.rig import THIN, crossed, layers, said
 from wsim.scene import Box, Plane, Scene, SceneError, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric

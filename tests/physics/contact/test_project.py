@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.geometry.rotation import about_axis, quaternion
+from wsim.geometry.rotation import axis_rotation_matrix, matrix_quat
 from wsim.kernels.contact.project import TOUCHED
 from wsim.kernels.math.real import types
-from wsim.physics.contact import Bodies, Contacts
+from wsim.physics.contact import CollidablePoints, ColliderContacts
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, SceneError, Sphere, Surface, shapes
 from wsim.scene.curve import Curve, Motion
 
@@ -31,11 +31,11 @@ class Driver:
         self.x, self.e, self.d, self.a, self.v = (self.device[name].numpy() for name in "xedav")   # views, on the CPU
         self.x[:], self.v[:], self.bdf2 = x, v, bdf2
         self.s, self.u = np.zeros_like(self.x), np.zeros_like(self.x)       # step and velocity before this one
-        bodies = Bodies([list(colliders)], np.array([origin], float), np.zeros(n, np.int32), self.w, np.full(n, reach),
-                        np.tile(mu, (n, 1)), np.zeros((0, 3)), np.zeros(1), np.zeros(1))
+        bodies = CollidablePoints([list(colliders)], np.array([origin], float), np.zeros(n, np.int32), self.w,
+                                  np.full(n, reach), np.tile(mu, (n, 1)), np.zeros((0, 3)), np.zeros(1), np.zeros(1))
         self.struck = wp.zeros(n, dtype=real, device="cpu")
-        self.contacts = Contacts(bodies, device="cpu", real=real, substeps=substeps, dt=self.dt,
-                                 struck=self.struck if bdf2 else None)
+        self.contacts = ColliderContacts(bodies, device="cpu", real=real, substeps=substeps, dt=self.dt,
+                                         struck=self.struck if bdf2 else None)
 
     def frame(self):
         self.contacts.prepare(self.time)
@@ -66,7 +66,7 @@ class Driver:
 def tilted(angle):
     """A plane through the origin, turned about y: down the slope is +x."""
     M = np.eye(4)
-    M[:3, :3] = about_axis(np.array([0.0, 1.0, 0.0]), angle)
+    M[:3, :3] = axis_rotation_matrix(np.array([0.0, 1.0, 0.0]), angle)
     return Collider("/slope", Plane(), Motion.still(M))
 
 
@@ -155,7 +155,7 @@ def test_a_small_fast_ball_misses_nothing():
 def test_a_turning_wall_sweeps_points_before_it():
     times = np.linspace(0.0, 0.1, 11)
     keys = np.tile(np.eye(4), (11, 1, 1))
-    keys[:, :3, :3] = [about_axis(np.array([0.0, 1.0, 0.0]), -20.0 * t) for t in times]      # 10 m/s at 0.5 m
+    keys[:, :3, :3] = [axis_rotation_matrix(np.array([0.0, 1.0, 0.0]), -20.0 * t) for t in times]  # 10 m/s at 0.5 m
     wall = Collider("/wall", Box((0.5, 0.5, 0.005)), Motion(times, keys), static_friction=0.0, dynamic_friction=0.0)
     d = Driver([wall], [[0.4, 0.0, 0.02], [0.2, 0.1, 0.05]], gravity=(0, 0, 0), mu=(0, 0)).run(1 / 60)
     above = d.x.astype(float) @ wall.motion.at(d.time)[:3, :3]                             # in the wall's frame
@@ -175,7 +175,7 @@ def test_a_moving_plane_carries_a_point_by_friction(real):
 def test_a_point_rides_on_a_turning_disc():
     turns = np.linspace(0.0, 2.0, 41)
     keys = np.tile(np.eye(4), (41, 1, 1))
-    keys[:, :3, :3] = [about_axis(np.array([0.0, 0.0, 1.0]), 2.0 * t) for t in turns]
+    keys[:, :3, :3] = [axis_rotation_matrix(np.array([0.0, 0.0, 1.0]), 2.0 * t) for t in turns]
     disc = Collider("/disc", Cylinder(1.0, 0.1), Motion(turns, keys))
     d = Driver([disc], (0.5, 0, 0.1), v=(0, 1.0, 0)).run(1.0)               # v^2 / r = 2 m/s^2 is under mu g
     np.testing.assert_allclose(d.x[0], (0.5 * np.cos(2), 0.5 * np.sin(2), 0.1), atol=2e-3)   # first order: w^2 r h t
@@ -391,7 +391,7 @@ def test_quaternions_turn_as_their_matrices():
     for angle in (0.0, 1e-9, 0.7, np.pi - 1e-9, np.pi, 4.0):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
-        q = quaternion(about_axis(axis, angle))
+        q = matrix_quat(axis_rotation_matrix(axis, angle))
         half = 0.5 * angle if angle <= np.pi else 0.5 * angle - np.pi
         expected = np.array([*(axis * np.sin(half)), np.cos(half)])
         assert min(np.abs(q - expected).max(), np.abs(q + expected).max()) < 1e-15

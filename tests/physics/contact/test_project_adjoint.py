@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tests.gradient.test_gradients import Run, sheet
-from wsim.physics.contact.barrier import energy
+from wsim.physics.contact.barrier import contact_energy_scale
 from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Sphere
-from wsim.scene.check.sharp import meets
+from wsim.scene.check.sharp import has_edge_contacts
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
@@ -40,7 +40,7 @@ class Slid(Run):
 
     def plain(self) -> Simulation:
         """Not recorded; without gradients too, unless edges of the cloth meet the collider then."""
-        return Simulation(self.scene, device="cpu", precision="float64", gradients=meets(self.scene))
+        return Simulation(self.scene, device="cpu", precision="float64", gradients=has_edge_contacts(self.scene))
 
     def by(self, name, step, within=3e-7):
         start = getattr(self.recording, name)(0, self.path)
@@ -111,4 +111,4 @@ def test_a_sheet_rests_where_the_potential_bears_it():
         sim = Simulation(replace(scene, substeps=substeps), device="cpu", precision="float64")
         sim.run(60)
         gap = sim.positions()[:, 2] - (-0.0005) - scene.cloths[0].material.thickness / 2
-        assert gap == pytest.approx(-2e-4 * np.sqrt(9.8 * 2e-4 / (3.0 * energy(scene))), rel=1e-3)
+        assert gap == pytest.approx(-2e-4 * np.sqrt(9.8 * 2e-4 / (3.0 * contact_energy_scale(scene))), rel=1e-3)

@@ -12,8 +12,8 @@ from tests.gradient.test_gradients import Run
 from wsim.gradient.recording import Recording
 from wsim.kernels.contact import project
 from wsim.kernels.contact import restitution as kernels
-from wsim.kernels.motion.points import constants
-from wsim.model.structs import filled
+from wsim.kernels.motion.points import point_constants
+from wsim.model.structs import fill_struct
 from wsim.scene import Box, Plane, Scene, SceneError, Sphere, Surface, shapes
 from wsim.scene.check import scene as check
 from wsim.scene.curve import Motion
@@ -228,8 +228,8 @@ def test_the_kernel_alone_differentiates(free):
     """50 points, two contacts each, random; loss linear in what is written; against central differences of 1e-6."""
     rng, n = np.random.default_rng(3), 50
     real, module = wp.float64, f"test_bounce_{free}_adjoint"
-    kernel = (kernels.bounce_free if free else kernels.bounce_held)(real, module)
-    s, c, k = project.slots(real)(), kernels.bounces(real)(), constants(real)()
+    kernel = (kernels.explicit_restitution_kernel if free else kernels.implicit_restitution_kernel)(real, module)
+    s, c, k = project.slot_type(real)(), kernels.bounce_type(real)(), point_constants(real)()
     a = device(rng, push=2 * n, d=n, a=n, e=n, v=n, pair=4 * n, n=2 * n, u=2 * n, gravity=n)
     b = wp.array(rng.uniform(0.3, 0.5, 2 * n), dtype=real, device="cpu", requires_grad=True)
     normals = a["n"].numpy() / np.linalg.norm(a["n"].numpy(), axis=1)[:, None]
@@ -250,7 +250,7 @@ def test_the_kernel_alone_differentiates(free):
     k.decay = wp.array(rng.uniform(0, 0.1, n), dtype=real, device="cpu", requires_grad=True)
     outs = {"d": n, "a": n, "push": 2 * n, "normal": n}
     weight = {name: rng.normal(size=(m, 3)) for name, m in outs.items()}
-    at = filled(project.read(real), x=a["d"], now=now, **{name: a[name] for name in ("v", "e", "d", "a", "push")})    # no x
+    at = fill_struct(project.read_type(real), x=a["d"], now=now, **{name: a[name] for name in ("v", "e", "d", "a", "push")})
     given = [c, s, at, a["pair"]] if free else [c, k, s, at]
     into = [wp.zeros(m, dtype=wp.vec3d, device="cpu", requires_grad=True) for m in outs.values()]
     if not free:
@@ -288,7 +288,7 @@ def test_without_restitution_nothing_of_it_is_planned_or_compiled():
 
 @pytest.mark.parametrize("e", [-0.1, 1.1, np.nan])
 def test_restitution_is_a_number_from_0_to_1(e):
-    problems = [p for p in check.check(ball(e=e)) if p.fatal]
+    problems = [p for p in check.check_scene(ball(e=e)) if p.fatal]
     assert [p.path for p in problems] == ["/floor"] and "restitution is" in problems[0].text
 
 

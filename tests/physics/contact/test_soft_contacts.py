@@ -15,7 +15,7 @@ from tests.gradient.test_gradients import WEIGHTS, bar
 from tests.physics.contact.test_collider_adjoint import HIGH, TRIED, below, led
 from tests.physics.contact.test_project_adjoint import SHAPES, Slid
 from tests.physics.solver.test_newton_adjoint_contacts import NEWTON
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.gradient.recording import Recording
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
@@ -31,7 +31,7 @@ def thrown(shape: str, integrator: str, friction: float = FRICTION):
     model, damping = MATERIALS[integrator]
     scene = bar(model, damping=damping, **NEWTON | {"integrator": integrator})
     scene.pins, soft = [], scene.softs[0]
-    askew = about_axis(np.array([0.3, 1.0, 0.2]) / np.linalg.norm([0.3, 1.0, 0.2]), 0.25)
+    askew = axis_rotation_matrix(np.array([0.3, 1.0, 0.2]) / np.linalg.norm([0.3, 1.0, 0.2]), 0.25)
     points = soft.points @ askew.T
     points[:, 2] -= points[:, 2].min()
     soft.points, soft.velocities = points.astype(np.float32), np.tile(np.float32([0.8, 0.4, -0.5]), (len(points), 1))

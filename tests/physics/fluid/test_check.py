@@ -5,7 +5,7 @@ import pytest
 
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene import Motion, Scene
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.solids import Box, Sphere
 from wsim.simulation.simulation import Simulation
 
@@ -16,7 +16,7 @@ def said(*things, wind=(0.0, 0.0, 0.0)) -> list[str]:
     scene = Scene(wind=wind)
     for thing in things:
         scene.add(thing)
-    return [str(p) for p in check(scene)]
+    return [str(p) for p in check_scene(scene)]
 
 
 @pytest.mark.parametrize(("more", "words"), [
@@ -66,7 +66,7 @@ def test_an_obstacle_that_fills_the_box_is_warned_of_and_nothing_moves(place, fi
     scene.add(Fluid("/f", (0, 0, 0), (1, 1, 0.125), 0.125))
     scene.add(Source("/s", Sphere(0.2), smoke=1.0, temperature=100.0, motion=Motion.at_place((0.5, 0.5, 0.0))))
     scene.collider("/block", Box((2.0, 2.0, 2.0)), at=place)
-    assert any("warning: /f: /block fills all of it" in str(p) for p in check(scene)) == filled
+    assert any("warning: /f: /block fills all of it" in str(p) for p in check_scene(scene)) == filled
     sim = Simulation(scene, device="cpu")
     sim.run()
     assert (sim.indicators()["fluid_speed"] == 0.0) == filled and np.isfinite(sim.indicators()["fluid_smoke"])

@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.fluid.flows import PERIODIC, TURN, box, method
 from wsim.scene import SceneError
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
 
@@ -74,4 +74,4 @@ def test_a_file_keeps_it(given, tmp_path):
     ({"acceleration": np.full(3, np.nan)}, "acceleration holds NaN"),
     ({"acceleration": np.ones(3), "margin": 0.5, "sides": ("open",) * 6}, "all of it is accelerated")])
 def test_what_cannot_push_is_said(more, said):
-    assert any(said in str(problem) for problem in check(box((N, N), **{"sides": PERIODIC} | more)))
+    assert any(said in str(problem) for problem in check_scene(box((N, N), **{"sides": PERIODIC} | more)))

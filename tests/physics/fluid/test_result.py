@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdVol
 
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene import Scene, Sphere
 from wsim.scene.curve import Motion
@@ -28,8 +28,8 @@ def scene_of() -> Scene:
 
 
 def run(source, output, frames: int = FRAMES, restart=None):
-    job = prepare(replace(load(str(source)), frames=frames), str(output), lambda s: Simulation(s, device="cpu"),
-                  restart=restart and str(restart))
+    job = prepare_recorded_run(replace(load(str(source)), frames=frames), str(output), lambda s: Simulation(s, device="cpu"),
+                               restart=restart and str(restart))
     job.frames()
     return job
 
@@ -39,7 +39,7 @@ def grids(result, path: str, code: float) -> dict[str, np.ndarray]:
     stage, found = Usd.Stage.Open(str(result)), {}
     for name, field in UsdVol.Volume(stage.GetPrimAtPath(path)).GetFieldPaths().items():
         asset = UsdVol.OpenVDBAsset(stage.GetPrimAtPath(field))
-        grid = vdb_read.read(asset.GetFilePathAttr().Get(code).resolvedPath, (asset.GetFieldNameAttr().Get(),))[name]
+        grid = vdb_read.read_vdb(asset.GetFilePathAttr().Get(code).resolvedPath, (asset.GetFieldNameAttr().Get(),))[name]
         whole = np.zeros((*(-(-np.array(SHAPE) // 8) * 8), *grid.values.shape[3:]), np.float32)
         whole[tuple(slice(a, a + n) for a, n in zip(grid.first, grid.values.shape, strict=False))] = grid.values
         found[name] = whole[:SHAPE[0], :SHAPE[1], :SHAPE[2]]

@@ -25,7 +25,7 @@ def turned(n: int, start: np.ndarray, scheme: str, courant: float = 0.25) -> np.
     if domain.tiles:
         domain.tiles.mark()
     for _ in range(steps):
-        domain._scalars(domain.u)
+        domain._carry_scalars(domain.u)
     return m.arrays(0)["smoke"][..., 0]
 
 

@@ -169,7 +169,7 @@ def test_prims_that_cannot_be_are_said_with_the_mend(tmp_path, harm, said):
 
 
 def test_an_emitter_outside_and_an_animated_domain_are_warned_of(tmp_path):
-    from wsim.scene.check.scene import check
+    from wsim.scene.check.scene import check_scene
     stage = authored(tmp_path / "s.usda")
     UsdGeom.Xformable(stage.GetPrimAtPath("/World/ball")).AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, 500.0))
     for code in (0.0, 10.0):
@@ -177,7 +177,7 @@ def test_an_emitter_outside_and_an_animated_domain_are_warned_of(tmp_path):
     scene = put(stage, "/World/ball", smoke=1.0)
     assert [n.text for n in scene.notes if n.path == "/World/air"] == [
         "is animated and a domain of a fluid: it stays where the animation starts"]
-    assert [p.text for p in check(scene) if p.path == "/World/ball" and "outside" in p.text]
+    assert [p.text for p in check_scene(scene) if p.path == "/World/ball" and "outside" in p.text]
 
 
 def test_a_fluid_that_conserves_comes_back_so(tmp_path):

@@ -6,9 +6,9 @@ from pxr import Ts, Usd, UsdPhysics
 
 from tests.physics.joints.make import rod, scene
 from tests.physics.rigid.test_contact import box
-from wsim.physics.rigid.joints.joint import Drive, all_locked, between, prismatic, revolute
+from wsim.physics.rigid.joints.joint import Drive, joint_between, locked_limits_except, prismatic_joint, revolute_joint
 from wsim.scene import Plane, SceneError, Varying
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
@@ -19,7 +19,8 @@ WAY = Curve([0.0, 0.25, 0.5], [0.0, 0.2, 0.1], "catmull_rom")
 def slider(name: str = "target", curve: Curve = WAY, **more):
     """A body on a rail, drawn by a spring and damper; no gravity."""
     body = rod("/b", (0.0, 0.0, 0.0))
-    made = scene(body, prismatic("/rail", None, body, drives={"transX": Drive(4e4, 4e2)}), gravity=(0.0, 0.0, 0.0), **more)
+    made = scene(body, prismatic_joint("/rail", None, body, drives={"transX": Drive(4e4, 4e2)}), gravity=(0.0, 0.0, 0.0),
+                 **more)
     made.varying.append(Varying("/rail", name, curve))
     return made
 
@@ -89,7 +90,8 @@ def test_a_target_that_is_set_by_hand_stays_in_its_world():
 def test_splines_of_targets_are_written_and_read(tmp_path, angle):
     """Metres and degrees of a float attribute: seven digits."""
     body = rod("/b", (0.0, 0.0, 0.0))
-    joint = (revolute if angle else prismatic)("/j", None, body, drives={"rotX" if angle else "transX": Drive(30.0, 2.0)})
+    joint = (revolute_joint if angle else prismatic_joint)("/j", None, body,
+                                                           drives={"rotX" if angle else "transX": Drive(30.0, 2.0)})
     made = scene(body, joint, frames=30)
     made.varying.append(Varying("/j", "target", WAY))
     save(made, tmp_path / "a.usda")
@@ -104,7 +106,7 @@ def test_splines_of_targets_are_written_and_read(tmp_path, angle):
 
 def test_samples_of_one_drive_of_several_are_read_and_written_again(tmp_path):
     b = [rod(f"/b{k}", (float(k), 0.0, 0.0)) for k in range(2)]
-    six = between("/j", b[0], b[1], limits=all_locked("rotX", "transZ"), drives={"rotX": Drive(3.0, 1.0, 0.5),
+    six = joint_between("/j", b[0], b[1], limits=locked_limits_except("rotX", "transZ"), drives={"rotX": Drive(3.0, 1.0, 0.5),
                                                                                 "transZ": Drive(4.0, 1.0, 0.25)})
     save(scene(*b, six, frames=30), tmp_path / "a.usda")
     stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
@@ -114,7 +116,7 @@ def test_samples_of_one_drive_of_several_are_read_and_written_again(tmp_path):
     first = load(tmp_path / "a.usda")
     (found,) = first.varying
     np.testing.assert_allclose(found.curve.at(0.25), [np.pi / 4.0 if a == "rotX" else 0.25 for a in six.driven()], atol=1e-6)
-    assert not [p for p in check(first) if p.fatal]
+    assert not [p for p in check_scene(first) if p.fatal]
     save(first, tmp_path / "b.usda")
     (again,) = load(tmp_path / "b.usda").varying
     np.testing.assert_allclose(again.curve.sampled(np.array([0.1, 0.5])), found.curve.sampled(np.array([0.1, 0.5])), atol=1e-6)
@@ -122,16 +124,16 @@ def test_samples_of_one_drive_of_several_are_read_and_written_again(tmp_path):
 
 def test_a_joint_without_a_drive_has_no_target_that_varies():
     body = rod("/b", (0.0, 0.0, 0.0))
-    made = scene(body, prismatic("/rail", None, body))
+    made = scene(body, prismatic_joint("/rail", None, body))
     made.varying.append(Varying("/rail", "target", WAY))
-    assert any("/rail: target varies in time, and the joint has no drive" in str(p) for p in check(made))
+    assert any("/rail: target varies in time, and the joint has no drive" in str(p) for p in check_scene(made))
     with pytest.raises(SceneError, match="allowed: finite numbers"):
-        raise SceneError([p for p in check(slider(curve=Curve([0.0, 1.0], np.zeros((2, 3))))) if p.fatal])
+        raise SceneError([p for p in check_scene(slider(curve=Curve([0.0, 1.0], np.zeros((2, 3))))) if p.fatal])
 
 
 def test_a_spline_of_usd_moves_a_hinge_as_its_own_curve(tmp_path):
     body = rod("/b", (0.0, 0.0, 0.0))
-    save(scene(body, revolute("/j", None, body, drives={"rotX": Drive(30.0, 2.0)}), frames=30), tmp_path / "a.usda")
+    save(scene(body, revolute_joint("/j", None, body, drives={"rotX": Drive(30.0, 2.0)}), frames=30), tmp_path / "a.usda")
     stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
     attribute = UsdPhysics.DriveAPI(stage.GetPrimAtPath("/j"), "angular").GetTargetVelocityAttr()
     spline = Ts.Spline("float")
@@ -151,7 +153,7 @@ def test_a_spline_of_usd_moves_a_hinge_as_its_own_curve(tmp_path):
 
 def test_a_spline_of_one_drive_of_several_is_followed_exactly_and_other_samples_are_told(tmp_path):
     b = [rod(f"/b{k}", (float(k), 0.0, 0.0)) for k in range(2)]
-    six = between("/j", b[0], b[1], limits=all_locked("rotX", "transZ"), drives={"rotX": Drive(3.0, 1.0, 0.5),
+    six = joint_between("/j", b[0], b[1], limits=locked_limits_except("rotX", "transZ"), drives={"rotX": Drive(3.0, 1.0, 0.5),
                                                                                 "transZ": Drive(4.0, 1.0, 0.25)})
     save(scene(*b, six, frames=30), tmp_path / "a.usda")
     stage = Usd.Stage.Open(str(tmp_path / "a.usda"))

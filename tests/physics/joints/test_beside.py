@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.joints.make import errors, places, rod
 from wsim.physics.rigid import forms
-from wsim.physics.rigid.joints.joint import Drive, fixed, revolute, spherical
+from wsim.physics.rigid.joints.joint import Drive, fixed_joint, revolute_joint, spherical_joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Motion
@@ -26,14 +26,14 @@ def walkers(n: int = 3) -> Scene:
             leg = scene.add(link(f"/w{k}_{'lr'[s > 0]}", (1.5 * k + 0.25 * s, 0.55, 0.1 * k), Box((0.04, 0.25, 0.04))))
             foot = scene.add(link(f"{leg.path}_foot", (1.5 * k + 0.25 * s, 0.25, 0.1 * k), Sphere(0.08)))
             at = (1.5 * k + 0.25 * s, 0.8, 0.1 * k)
-            scene.add(revolute(f"{leg.path}_hip", body, leg, -1.0, 1.0, at=at, axis=(0.0, 0.0, 1.0),
-                               drives={"rotX": Drive(200.0, 20.0)}))
-            scene.add(spherical(f"{leg.path}_ankle", leg, foot, at=(at[0], 0.3, at[2])))
+            scene.add(revolute_joint(f"{leg.path}_hip", body, leg, -1.0, 1.0, at=at, axis=(0.0, 0.0, 1.0),
+                                     drives={"rotX": Drive(200.0, 20.0)}))
+            scene.add(spherical_joint(f"{leg.path}_ankle", leg, foot, at=(at[0], 0.3, at[2])))
     return scene
 
 
 def run(name: str, device: str, monkeypatch, frames: int = 40):
-    monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.named(name, device))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes: forms.form_by_name(name, device))
     sim = Simulation(walkers(), device=device, precision="float64")
     sim.run(frames)
     assert max(errors(sim)) < 1e-5 and places(sim)[:, 1].min() > 0.05
@@ -52,7 +52,7 @@ def test_bodies_of_a_joint_pass_through_each_other_unless_it_says_that_they_coll
     for collides in (False, True):
         scene = Scene(fps=60, substeps=8, gravity=(0.0, 0.0, 0.0))
         balls = [scene.add(link(f"/b{k}", (0.15 * k, 0.0, 0.0), Sphere(0.1))) for k in (0, 1)]
-        scene.add(spherical("/j", *balls, at=(0.075, 0.0, 0.0), collides=collides))
+        scene.add(spherical_joint("/j", *balls, at=(0.075, 0.0, 0.0), collides=collides))
         sim = Simulation(scene, device="cpu")
         sim.run(2)
         spins.append(sim.plan.method("rigid").indicators(None, None)["rigid_overlap"])
@@ -64,8 +64,8 @@ def test_a_chain_lies_on_a_sheet_and_its_joints_stay_closed():
     sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 8, 8))
     scene.pin("/pin", sheet, [0, 8, 72, 80])
     bodies = [scene.add(link(f"/b{k}", (0.2 * k - 0.2, 0.2, 0.0), Capsule(0.05, 0.05), density=200.0)) for k in range(3)]
-    scene.add(spherical("/j0", bodies[0], bodies[1], at=(-0.1, 0.2, 0.0)))
-    scene.add(fixed("/j1", bodies[1], bodies[2], at=(0.1, 0.2, 0.0)))
+    scene.add(spherical_joint("/j0", bodies[0], bodies[1], at=(-0.1, 0.2, 0.0)))
+    scene.add(fixed_joint("/j1", bodies[1], bodies[2], at=(0.1, 0.2, 0.0)))
     sim = Simulation(scene, device="cpu")
     worst = 0.0
     for _ in range(24):
@@ -82,7 +82,7 @@ def test_a_joint_breaks_over_its_force_and_not_below(precision):
     for most in (19.0, 21.0):
         scene = Scene(fps=60, substeps=8)
         ball = scene.add(rod("/b", (0.0, -1.0, 0.0), mass=2.0))
-        scene.add(spherical("/j", None, ball, force=most))
+        scene.add(spherical_joint("/j", None, ball, force=most))
         sim = Simulation(scene, device="cpu", precision=precision)
         sim.run(30)
         ends.append(places(sim)[0][1])

@@ -11,7 +11,7 @@ import pytest
 
 from tests.conftest import first_and_slow
 from tools.bench.rigid.answers.stage import NONE, Stage, turned
-from wsim.physics.rigid.joints.joint import all_locked, between
+from wsim.physics.rigid.joints.joint import joint_between, locked_limits_except
 from wsim.scene import Box, Sphere
 from wsim.scene.fabric import Fabric
 
@@ -22,7 +22,8 @@ def hang(stage: Stage, name: str, r: float, x: float, y: float, angle: float) ->
     """A ball of 1 kg on a rod of length L without mass, hinged at (x, y, 0) about y."""
     at, turn = (x - L * sin(angle), y, -L * cos(angle)), turned((0.0, 1.0, 0.0), degrees(angle))
     body = stage.body(f"/{name}", Sphere(r), at, turn, rest=1.0, rub=0.0, mass=1.0)
-    stage.scene.add(between(f"/{name}_hinge", None, body, (x, y, 0.0), (0.0, 1.0, 0.0), limits=all_locked("rotX")))
+    stage.scene.add(joint_between(f"/{name}_hinge", None, body, (x, y, 0.0), (0.0, 1.0, 0.0),
+                                  limits=locked_limits_except("rotX")))
 
 
 @pytest.mark.parametrize("rate", [(24.0, 10), (60.0, 8)])
@@ -53,7 +54,7 @@ def test_joints_take_part_in_blows_beside_a_cloth_too(solver):
                       material=Fabric(density=200.0, thickness=1e-3, stretch=1e3, shear=300.0))
     body = stage.body("/ball", Sphere(r), (0.0, 0.0, -L), NONE, (1.0, 0.0, 0.0), (0.0, -1.0 / L, 0.0), rest=1.0, rub=0.0,
                       mass=1.0)
-    stage.scene.add(between("/hinge", None, body, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), limits=all_locked("rotX")))
+    stage.scene.add(joint_between("/hinge", None, body, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), limits=locked_limits_except("rotX")))
     track = stage.run(1.0)
     energy = (track.v[:, 0]**2).sum(-1) + 0.4 * r * r * (track.w[:, 0]**2).sum(-1)
     assert track.v[-1, 0, 0] < -0.5 and np.abs(energy / energy[0] - 1.0).max() < 2e-3

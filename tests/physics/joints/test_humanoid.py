@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.scene import Plane
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
-from wsim.usd.result.restart import Result
+from wsim.usd.result.restart import ResultReader
 
 ASSETS = Path(__file__).parents[3] / "scenes" / "assets"
 CPU = {"device": "cpu"}
@@ -57,7 +57,7 @@ def test_a_run_of_joints_goes_on_to_the_bit(tmp_path):
 
     def run(output: str, frames: int, restart: str | None = None):
         scene = replace(load(tmp_path / "s.usda"), frames=frames)
-        job = prepare(scene, output, lambda s: Simulation(s, **CPU), restart=restart)
+        job = prepare_recorded_run(scene, output, lambda s: Simulation(s, **CPU), restart=restart)
         job.frames()
         return job.simulation
     one = run(whole, 20)
@@ -66,7 +66,7 @@ def test_a_run_of_joints_goes_on_to_the_bit(tmp_path):
     assert not any("bit for bit" in w for w in two.warnings)
     for name in ("x", "e", "q", "o", "p", "L"):
         assert np.array_equal(one.plan.method("rigid").get(name), two.plan.method("rigid").get(name)), name
-    stage = Result(whole).stage
+    stage = ResultReader(whole).stage
     for body in one.scene.things("Body"):
         assert stage.GetPrimAtPath(body.path).GetAttribute("xformOp:transform").GetNumTimeSamples() == 21
 

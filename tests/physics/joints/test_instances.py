@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.scene import SceneError
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
-from wsim.usd.result.restart import Result
+from wsim.usd.result.restart import ResultReader
 
 CPU = {"device": "cpu"}
 AT = [(0.0, 100.0, 0.0), (300.0, 100.0, 0.0), (600.0, 100.0, 0.0)]
@@ -70,7 +70,7 @@ def test_results_are_positions_and_orientations_of_the_instancer_and_go_on_to_th
     def run(name: str, count: int, restart: str | None = None):
         scene = replace(load(tmp_path / "a.usda"), frames=count)
         scene.things("Body")[0].spin = np.array([0.0, 2.0, 0.0])
-        job = prepare(scene, str(tmp_path / name), lambda s: Simulation(s, **CPU), restart=restart)
+        job = prepare_recorded_run(scene, str(tmp_path / name), lambda s: Simulation(s, **CPU), restart=restart)
         job.frames()
         return job.simulation
     one = run("whole.usdc", 12)
@@ -79,7 +79,7 @@ def test_results_are_positions_and_orientations_of_the_instancer_and_go_on_to_th
     m = one.plan.method("rigid")
     for name in ("x", "q", "p", "L"):
         assert np.array_equal(m.get(name), two.plan.method("rigid").get(name)), name
-    stage = Result(str(tmp_path / "whole.usdc")).stage
+    stage = ResultReader(str(tmp_path / "whole.usdc")).stage
     many = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/many"))
     assert many.GetPositionsAttr().GetNumTimeSamples() == 13
     given, now, poses = frames(tmp_path / "a.usda", 0.0), frames(stage, 12.0), m.poses()
@@ -121,8 +121,8 @@ def test_the_root_of_an_instance_is_written_over_and_what_is_within_is_refused(t
     stage.Save()
     scene = replace(load(tmp_path / "a.usda"), frames=2)
     assert [len(b.colliders) for b in scene.things("Body")] == [1, 1]
-    prepare(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **CPU)).frames()
-    result = Result(str(tmp_path / "o.usdc"))
+    prepare_recorded_run(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **CPU)).frames()
+    result = ResultReader(str(tmp_path / "o.usdc"))
     moved = result.stage.GetPrimAtPath("/b1")
     assert moved.IsInstance() and moved.GetAttribute("xformOp:transform").GetNumTimeSamples() == 3
     UsdPhysics.RigidBodyAPI.Apply(ball.GetPrim())

@@ -7,8 +7,8 @@ import warp as wp
 from tests.physics.joints.make import errors, places, rod, start
 from wsim.geometry import rotation
 from wsim.kernels.rigid.joint import coordinates
-from wsim.physics.rigid.joints.islands import ordered
-from wsim.physics.rigid.joints.joint import revolute, spherical
+from wsim.physics.rigid.joints.islands import elimination_order
+from wsim.physics.rigid.joints.joint import revolute_joint, spherical_joint
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -16,11 +16,11 @@ def joint_places(Q_a: wp.array(dtype=wp.quatd), Q_b: wp.array(dtype=wp.quatd), p
                  cone: wp.vec2d, turned: wp.array(dtype=wp.vec3d), shift: wp.array(dtype=wp.vec3d),
                  rows: wp.array(dtype=wp.mat33d)):
     i = wp.tid()
-    e = coordinates.Ends()
+    e = coordinates.JointFrames()
     e.Q_a = Q_a[i]
     e.Q_b = Q_b[i]
     e.p_b = p[i]
-    found = coordinates.place_of(e, form, cone)
+    found = coordinates.joint_coordinates(e, form, cone)
     turned[i] = found.turned
     shift[i] = found.shift
     rows[i] = found.turn
@@ -35,18 +35,18 @@ def places_of(Q_a, Q_b, p, form=0, cone=(0.0, 0.0)):
 
 
 def random_turns(n: int, seed: int) -> np.ndarray:
-    return rotation.normalized(np.random.default_rng(seed).normal(size=(n, 4)))
+    return rotation.unit_quat(np.random.default_rng(seed).normal(size=(n, 4)))
 
 
 def test_swing_and_twist_make_up_the_turn():
     A, B = random_turns(50, 1), random_turns(50, 2)
     p = np.random.default_rng(3).normal(size=(50, 3))
     turned, shift, _ = places_of(A, B, p)
-    swing = rotation.exponential(turned * (0.0, 1.0, 1.0))
-    twist = rotation.exponential(turned * (1.0, 0.0, 0.0))
-    again = rotation.multiply(A, rotation.multiply(swing, twist))
+    swing = rotation.quaternion_exponential(turned * (0.0, 1.0, 1.0))
+    twist = rotation.quaternion_exponential(turned * (1.0, 0.0, 0.0))
+    again = rotation.quat_product(A, rotation.quat_product(swing, twist))
     assert np.abs(np.abs((again * B).sum(1)) - 1.0).max() < 1e-14
-    assert np.abs(rotation.rotate(A, shift) - p).max() < 1e-14
+    assert np.abs(rotation.quat_rotate(A, shift) - p).max() < 1e-14
 
 
 @pytest.mark.parametrize("form, cone", [(0, (0.0, 0.0)), (2, (1.0, 1.0 / 0.6))])
@@ -57,7 +57,7 @@ def test_rows_of_turns_are_the_rates_of_their_coordinates(form, cone):
     near = np.linalg.norm(places_of(A, B, p)[0][:, 1:], axis=1) < 2.5
     for k in range(3):
         step = 1e-6 * np.eye(3)[k]
-        more, less = (places_of(A, rotation.multiply(rotation.exponential(s * step)[None], B), p, form, cone)[0]
+        more, less = (places_of(A, rotation.quat_product(rotation.quaternion_exponential(s * step)[None], B), p, form, cone)[0]
                       for s in (1, -1))
         rate = (more - less) / 2e-6
         keep = near & (np.abs(rate).max(1) < 1e3)
@@ -65,7 +65,7 @@ def test_rows_of_turns_are_the_rates_of_their_coordinates(form, cone):
 
 
 def filled_in(pairs) -> int:
-    order = ordered(np.array(pairs), 1 + max(max(p) for p in pairs))
+    order = elimination_order(np.array(pairs), 1 + max(max(p) for p in pairs))
     return len(order.near)
 
 
@@ -87,7 +87,7 @@ def test_a_factor_is_that_of_the_whole_matrix():
     J = np.zeros((8, 5))
     for j, (a, b) in enumerate(pairs):
         J[j, [k for k in (a, b) if k >= 0]] = rng.normal(size=sum(k >= 0 for k in (a, b)))
-    order = ordered(pairs, 5)
+    order = elimination_order(pairs, 5)
     A = (J @ J.T + np.eye(8))[np.ix_(order.joint, order.joint)]
     n = 8
     block = np.zeros(order.blocks)
@@ -115,7 +115,7 @@ def chain(heavy: float, **more):
     for k in range(20):
         mass, inertia = (heavy, 0.4) if k == 19 else (1.0, 4e-3)
         body = rod(f"/b{k}", (0.2 * k + 0.1, 0.0, 0.0), mass=mass, moments=(0.25 * inertia, inertia, inertia))
-        things += [body, spherical(f"/j{k}", last, body, at=(0.2 * k, 0.0, 0.0))]
+        things += [body, spherical_joint(f"/j{k}", last, body, at=(0.2 * k, 0.0, 0.0))]
         last = body
     return start(*things, **more)
 
@@ -138,7 +138,7 @@ def test_a_four_bar_loop_stays_closed_though_it_says_too_much():
     points = [(0.0, 0.0, 0.0), (0.3, 1.0, 0.0), (1.8, 1.5, 0.0), (1.5, 0.0, 0.0)]
     bars = [rod(f"/b{k}", 0.5 * np.add(points[k], points[k + 1])) for k in range(3)]
     sides = [None, *bars, None]
-    hinges = [revolute(f"/j{k}", sides[k], sides[k + 1], at=points[k], axis=(0.0, 0.0, 1.0)) for k in range(4)]
+    hinges = [revolute_joint(f"/j{k}", sides[k], sides[k + 1], at=points[k], axis=(0.0, 0.0, 1.0)) for k in range(4)]
     sim = start(*bars, *hinges)
     m = sim.plan.method("rigid")
     energy = m.indicators(None, None)["rigid_energy"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.joints.make import start
-from wsim.physics.rigid.joints.joint import prismatic, revolute, spherical
+from wsim.physics.rigid.joints.joint import prismatic_joint, revolute_joint, spherical_joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene.curve import Motion
 
@@ -24,7 +24,7 @@ def bar(path: str, a, b, mass: float) -> Body:
     return Body(path, [], Motion.still(M), mass=mass, center=(0, 0, 0), inertia=(1e-3 * moment, moment, moment))
 
 
-def loop(points, masses=(1.0, 2.0, 1.0), kinds=(revolute,) * 4, axes=(Y,) * 4, size=1.0, place=(0, 0, 0), **more):
+def loop(points, masses=(1.0, 2.0, 1.0), kinds=(revolute_joint,) * 4, axes=(Y,) * 4, size=1.0, place=(0, 0, 0), **more):
     """Three bars between four points, the first and last of which the world holds."""
     points = [size * np.array(p, float) + place for p in points]
     bars = [bar(f"/b{k}", points[k], points[k + 1], m) for k, m in enumerate(masses)]
@@ -98,7 +98,7 @@ def crossed() -> dict:
     (0.01, (0, 0, 0), {"points": parallel(60)}),
     (100.0, (1e3, -3e3, 2e3), {"points": parallel(60)}),
     (1.0, (0, 0, 0), {"points": parallel(60), "masses": (100.0, 0.1, 130.0)}),
-    (1.0, (0, 0, 0), {"points": parallel(60), "kinds": (revolute, spherical, revolute, revolute)}),
+    (1.0, (0, 0, 0), {"points": parallel(60), "kinds": (revolute_joint, spherical_joint, revolute_joint, revolute_joint)}),
 ], ids=["kite", "bennett", "1 cm", "100 m", "masses", "spherical"])
 def test_other_loops_keep_theirs(size, place, more):
     change, line, others = watched(loop(size=size, place=place, substeps=10, precision="float32", **more), 120)
@@ -110,9 +110,9 @@ def test_a_crank_and_slider_pass_their_dead_centre():
     t = np.radians(60.0)
     p, q = np.array([np.sin(t), 0.0, np.cos(t)]), np.array([2.0 * np.sin(t), 0.0, 0.0])
     crank, rod, block = bar("/a", (0, 0, 0), p, 1.0), bar("/b", p, q, 1.0), bar("/c", q - (0, 0, 0.1), q + (0, 0, 0.1), 0.5)
-    hinges = [revolute(path, a, b, at=at, axis=Y)
+    hinges = [revolute_joint(path, a, b, at=at, axis=Y)
               for path, a, b, at in (("/j", None, crank, (0, 0, 0)), ("/k", crank, rod, p), ("/l", rod, block, q))]
-    slide = prismatic("/m", None, block, at=q, axis=(1.0, 0.0, 0.0))
+    slide = prismatic_joint("/m", None, block, at=q, axis=(1.0, 0.0, 0.0))
     sim = start(crank, rod, block, *hinges, slide, gravity=(0.0, 0.0, -G), substeps=10, precision="float32")
     change, line, others = watched(sim, 120)
     assert change < 1e-2 and line < 1e-4 and max(others) < 1e-6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim.physics.rigid import forms
-from wsim.physics.rigid.joints.joint import revolute
+from wsim.physics.rigid.joints.joint import revolute_joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Motion, Plane, Scene, Sphere
 from wsim.simulation.simulation import Simulation
@@ -18,7 +18,7 @@ def pendulum_on_a_floor(restitution: float) -> Scene:
         shape = Collider(f"/ball{k}/shape", Sphere(0.05), restitution=restitution)
         balls.append(Body(f"/ball{k}", [shape], Motion.at_place((x, y, 0.0)), mass=1.0))
         scene.add(balls[-1])
-    scene.add(revolute("/hinge", None, balls[0], at=(0.0, 0.37, 0.0), axis=(0.0, 0.0, 1.0)))
+    scene.add(revolute_joint("/hinge", None, balls[0], at=(0.0, 0.37, 0.0), axis=(0.0, 0.0, 1.0)))
     scene.collider("/floor", Plane("Y"))
     return scene
 
@@ -27,7 +27,8 @@ def pendulum_on_a_floor(restitution: float) -> Scene:
 def test_launched_passes_give_the_bits_of_one_launch(restitution, monkeypatch):
     ends = []
     for apart in (False, True):
-        monkeypatch.setattr(forms, "chosen", lambda device, shapes, apart=apart: forms.Form("coloured", apart=apart))
+        monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes,
+                            apart=apart: forms.ContactPassForm("coloured", apart=apart))
         simulation = Simulation(pendulum_on_a_floor(restitution), device="cpu")
         simulation.run(30)
         assert ("contacts" in simulation.plan.method("rigid").contacts.form.kernels) == apart

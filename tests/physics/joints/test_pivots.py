@@ -10,7 +10,7 @@ from tests.physics.joints.make import coordinates, errors, rod, start
 from wsim.kernels.rigid.joint.elimination import EASE
 from wsim.kernels.rigid.joint.parts import jointed_parts
 from wsim.kernels.rigid.joint.tables import LIMITED, LOCKED
-from wsim.physics.rigid.joints.joint import AXES, Drive, between
+from wsim.physics.rigid.joints.joint import AXES, Drive, joint_between
 
 NARROW = 1e-3
 MOMENTS = (0.03, 0.05, 0.02)
@@ -86,8 +86,8 @@ def test_one_sweep_is_where_sweeps_of_single_rows_end(limited, driven):
     rng, met = np.random.default_rng(10 * limited + driven), []
     for _ in range(6):
         a, b = thrown(rng, "/a", (0.3, 0.0, 0.0)), thrown(rng, "/b", (0.9, 0.1, 0.0))
-        joints = [between("/j", None, a, **rows(rng, limited, driven)),
-                  between("/k", a, b, at=(0.6, 0.1, 0.1), **rows(rng, limited, driven))]
+        joints = [joint_between("/j", None, a, **rows(rng, limited, driven)),
+                  joint_between("/k", a, b, at=(0.6, 0.1, 0.1), **rows(rng, limited, driven))]
         f = swept(start(a, b, *joints))
         z, left = gauss_seidel(f)
         found = (f["hold"] + f["push"]).ravel()
@@ -102,7 +102,7 @@ def test_a_rod_in_narrow_limits_stays_in_all_of_them(names):
     """Each is met in the first substep, two or three at once; it comes to rest where gravity presses it."""
     body = rod("/b", (0.4, 0.1, 0.2), mass=2.0, moments=MOMENTS, velocity=(0.3, -0.5, 0.4), spin=(2.0, -3.0, 4.0))
     limits = {name: (0.0, 0.0) for name in AXES} | {name: (-NARROW, NARROW) for name in names}
-    sim = start(body, between("/j", None, body, at=(0.1, 0.2, -0.1), limits=limits), gravity=(1.0, -9.81, 3.0))
+    sim = start(body, joint_between("/j", None, body, at=(0.1, 0.2, -0.1), limits=limits), gravity=(1.0, -9.81, 3.0))
     k = [AXES.index(name) for name in names]
     for _ in range(60):
         sim.step()
@@ -118,7 +118,7 @@ def test_a_drive_at_a_limit_gives_what_it_gives_at_rest():
         body = rod("/b", (1.0, 0.0, 0.0), mass=2.0)
         drives = {"rotX": Drive(20.0, 1.0, 0.5, most=most)}
         limits = {name: (0.0, 0.0) for name in AXES if name != "rotX"} | {"rotX": (-0.2, 0.1)}
-        joint = between("/j", None, body, axis=(0.0, 0.0, 1.0), limits=limits, drives=drives)
+        joint = joint_between("/j", None, body, axis=(0.0, 0.0, 1.0), limits=limits, drives=drives)
         sim = start(body, joint, gravity=(0.0, -1.0, 0.0))
         sim.run(240)
         J = sim.plan.method("rigid").joints.linked

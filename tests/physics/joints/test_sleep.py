@@ -9,7 +9,7 @@ from tests.physics.joints.make import coordinates, places, rod, start
 from tests.physics.rigid.solver.test_sleep import asleep
 from tests.physics.rigid.test_contact import G, Seen, ball, box, world
 from wsim.physics.rigid import forms
-from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
+from wsim.physics.rigid.joints.joint import Drive, revolute_joint, spherical_joint
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
@@ -20,7 +20,7 @@ def chain(name: str, z: float = 0.0, n: int = 3, **last) -> list:
     """Boxes 0.4 m long that hang at y = 3, and their joints."""
     links = [box(f"/{name}{k}", (0.0, 2.8 - 0.4 * k, z), (0.05, 0.2, 0.05), **DAMPED, **(last if k == n - 1 else {}))
              for k in range(n)]
-    return links + [spherical(f"/{name}j{k}", links[k - 1] if k else None, links[k], at=(0.0, 3.0 - 0.4 * k, z))
+    return links + [spherical_joint(f"/{name}j{k}", links[k - 1] if k else None, links[k], at=(0.0, 3.0 - 0.4 * k, z))
                     for k in range(n)]
 
 
@@ -36,12 +36,12 @@ def sleepy(*things, speed: float = 0.05, device: str = "cpu", **more) -> Simulat
 def arm(drive: Drive, **more) -> list:
     """A box on a driven hinge of the world about z, its centre 0.3 m from it."""
     own = box("/arm", (0.3, 2.0, 0.0), (0.25, 0.05, 0.05), mass=1.0)
-    return [own, revolute("/hinge", None, own, at=(0.0, 2.0, 0.0), axis=(0.0, 0.0, 1.0), drives={"rotX": drive}, **more)]
+    return [own, revolute_joint("/hinge", None, own, at=(0.0, 2.0, 0.0), axis=(0.0, 0.0, 1.0), drives={"rotX": drive}, **more)]
 
 
 @pytest.fixture(params=("listed", "coloured"))
 def form(request, monkeypatch):
-    monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form(request.param))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes: forms.ContactPassForm(request.param))
 
 
 def test_a_damped_chain_sleeps_hanging_straight_and_a_thrown_ball_wakes_all_of_it_and_no_other(form):
@@ -106,7 +106,7 @@ def test_what_a_joint_hangs_on_wakes_it_when_it_moves(form):
     times, frames = np.array([0.0, 2.0, 4.0]), np.tile(np.eye(4), (3, 1, 1))
     frames[2, 0, 3] = 0.4                                            # 0.2 m/s from 2 s on
     own = box("/box", (0.0, 2.0, 0.0), (0.1, 0.1, 0.1), **DAMPED)
-    sim = sleepy(own, spherical("/j", None, own, at=(0.0, 2.5, 0.0), motion=Motion(times, frames)), speed=0.5)
+    sim = sleepy(own, spherical_joint("/j", None, own, at=(0.0, 2.5, 0.0), motion=Motion(times, frames)), speed=0.5)
     sim.run(115)
     assert all(asleep(sim).values())
     for _ in range(120):
@@ -121,7 +121,7 @@ def test_joints_that_meet_nothing_sleep_and_wake_too():
     def rods(**more):
         own = [rod(f"/r{k}", (0.0, -0.5 - k, 0.0), **DAMPED, **(more if k == 2 else {})) for k in range(3)]
         lone = rod("/lone", (5.0, 0.0, 0.0), velocity=(0.01, 0.0, 0.0))
-        joints = [spherical(f"/j{k}", own[k - 1] if k else None, own[k], at=(0.0, -float(k), 0.0)) for k in range(3)]
+        joints = [spherical_joint(f"/j{k}", own[k - 1] if k else None, own[k], at=(0.0, -float(k), 0.0)) for k in range(3)]
         return *own, lone, *joints
     sim = start(*rods(velocity=(0.3, 0.0, 0.0)), sleep_speed=0.02)
     sim.run(300)
@@ -148,7 +148,7 @@ def test_a_chain_that_slept_goes_on_as_one_that_never_did(form):
 
 def test_many_launches_give_the_bits_of_one_and_a_restart_those_of_a_run(monkeypatch):
     def made(name: str) -> Simulation:
-        monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.named(name, device))
+        monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes: forms.form_by_name(name, device))
         return sleepy(*chain("a"), ball("/ball", (0.1, 9.0, 0.0), 0.3))
 
     def ends(sim: Simulation) -> bytes:

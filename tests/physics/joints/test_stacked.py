@@ -48,11 +48,11 @@ def test_two_turns_have_the_freedom_of_one_behind_the_other(outer, inner, tmp_pa
     assert joint.path == "/j0" and free(joint) == {"rotX", "rotY"}
     axes = dict(zip("XYZ", np.eye(3), strict=True))
     for s, t in ((0.3, 0.4), (-2.0, 1.5)):
-        R = rotation.about_axis(axes[outer], s) @ rotation.about_axis(axes[inner], t)
-        between = rotation.matrix(joint.turn0).T @ R @ rotation.matrix(joint.turn1)
-        own = rotation.matrix(joint.turn1).T
+        R = rotation.axis_rotation_matrix(axes[outer], s) @ rotation.axis_rotation_matrix(axes[inner], t)
+        between = rotation.quaternion_to_matrix(joint.turn0).T @ R @ rotation.quaternion_to_matrix(joint.turn1)
+        own = rotation.quaternion_to_matrix(joint.turn1).T
         signs = [float(np.sign((own @ axes[a])[k])) for k, a in enumerate((inner, outer))]
-        expected = rotation.about_axis(Y, signs[1] * s) @ rotation.about_axis(X, signs[0] * t)
+        expected = rotation.axis_rotation_matrix(Y, signs[1] * s) @ rotation.axis_rotation_matrix(X, signs[0] * t)
         assert np.abs(between - expected).max() < 1e-6
     for name, low, high, sign in (("rotX", -30.0, 40.0, signs[0]), ("rotY", -10.0, 20.0, signs[1])):
         assert np.allclose(np.degrees(joint.limits[name]), (low, high) if sign > 0 else (-high, -low), atol=1e-4)
@@ -64,7 +64,7 @@ def test_a_planar_root_slides_twice_and_turns_once(tmp_path):
     stage = stage_of(tmp_path, [(slide, "X", *endless), (slide, "Z", *endless), (hinge, "Y", *endless)])
     (joint,) = load(stage).things("Joint")
     assert len(free(joint)) == 3
-    R = rotation.matrix(joint.turn0)
+    R = rotation.quaternion_to_matrix(joint.turn0)
     assert {tuple(np.abs(R[:, k]).round(6)) for k in range(3) if AXES[k] in free(joint)} == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
     assert np.allclose(np.abs(R[:, 0]), Y) and "rotX" in free(joint)
 

@@ -9,10 +9,19 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from tests.physics.joints.make import rod, scene
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.filters.groups import FilteredPairs, Group, apart, filters
-from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, between, fixed, prismatic, revolute, spherical
+from wsim.physics.rigid.joints.filters.groups import FilteredPairs, Group, collision_filters, filtered_group_table
+from wsim.physics.rigid.joints.joint import (
+    Drive,
+    Joint,
+    fixed_joint,
+    joint_between,
+    locked_limits_except,
+    prismatic_joint,
+    revolute_joint,
+    spherical_joint,
+)
 from wsim.scene import Box, Collider, Scene, SceneError
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.usd import load, save
 
@@ -24,14 +33,14 @@ def every():
     """A joint of each kind, of /b0 to /b3."""
     b = [rod(f"/b{k}", (float(k), 0.5 * k, 0.0)) for k in range(4)]
     tilted = {"at": (0.5, 0.1, 0.2), "axis": (0.6, 0.0, 0.8)}
-    d6 = all_locked("rotX", "rotY") | {"rotY": (-0.5, 1.0), "transZ": (0.1, 0.4)}
-    return b, [fixed("/j/fixed", b[0], b[1], **tilted, force=10.0, torque=3.0),
-               revolute("/j/hinge", b[1], b[2], -1.0, 2.0, **tilted, drives={"rotX": replace(DRIVE, acceleration=True)}),
-               prismatic("/j/slider", None, b[3], -inf, 0.25, **tilted, drives={"transX": DRIVE}, collides=True),
-               spherical("/j/ball", b[2], b[3], **tilted, cone=(0.5, inf)),
-               spherical("/j/free", None, b[0], **tilted, enabled=False),
+    d6 = locked_limits_except("rotX", "rotY") | {"rotY": (-0.5, 1.0), "transZ": (0.1, 0.4)}
+    return b, [fixed_joint("/j/fixed", b[0], b[1], **tilted, force=10.0, torque=3.0),
+               revolute_joint("/j/hinge", b[1], b[2], -1.0, 2.0, **tilted, drives={"rotX": replace(DRIVE, acceleration=True)}),
+               prismatic_joint("/j/slider", None, b[3], -inf, 0.25, **tilted, drives={"transX": DRIVE}, collides=True),
+               spherical_joint("/j/ball", b[2], b[3], **tilted, cone=(0.5, inf)),
+               spherical_joint("/j/free", None, b[0], **tilted, enabled=False),
                Joint("/j/rope", "/b0", "/b3", limits={"distance": (-inf, 9.0)}),
-               between("/j/six", b[1], b[3], **tilted, limits=d6, drives={"rotX": DRIVE, "transZ": DRIVE})]
+               joint_between("/j/six", b[1], b[3], **tilted, limits=d6, drives={"rotX": DRIVE, "transZ": DRIVE})]
 
 
 def alike(a: Joint, b: Joint) -> bool:
@@ -48,7 +57,7 @@ def alike(a: Joint, b: Joint) -> bool:
 
 def test_joints_of_all_kinds_are_saved_and_loaded(tmp_path):
     bodies, joints = every()
-    moving = between("/j/led", None, bodies[0], limits={"transX": (0.0, 0.0)}, motion=LINE)
+    moving = joint_between("/j/led", None, bodies[0], limits={"transX": (0.0, 0.0)}, motion=LINE)
     save(scene(*bodies, *joints, moving), tmp_path / "a.usda")
     again = {j.path: j for j in load(tmp_path / "a.usda").things("Joint")}
     for joint in joints:
@@ -92,11 +101,11 @@ def test_units_degrees_and_scales_are_those_of_the_stage(tmp_path):
     (joint,) = load(tmp_path / "a.usda").things("Joint")
     assert (joint.body0, joint.body1, joint.still) == ("", "/b", "/a")
     assert np.allclose(joint.at1, (0.05, 0.1, 0.2)) and np.allclose(joint.limits["rotX"], (radians(-90.0), radians(45.0)))
-    assert np.allclose(rotation.rotate(joint.turn1, np.array([1.0, 0.0, 0.0])), (0.0, 1.0, 0.0), atol=1e-12)
+    assert np.allclose(rotation.quat_rotate(joint.turn1, np.array([1.0, 0.0, 0.0])), (0.0, 1.0, 0.0), atol=1e-12)
     got = joint.drives["rotX"]
     wanted = (3.0 / radians(1.0), radians(30.0), np.pi, 2.0)
     assert np.allclose((got.stiffness, got.target, got.speed, got.most), wanted, rtol=1e-6)
-    assert abs(joint.force - 7.0) < 1e-6 and set(joint.limits) == set(all_locked())
+    assert abs(joint.force - 7.0) < 1e-6 and set(joint.limits) == set(locked_limits_except())
 
 
 def test_a_prim_below_a_body_stands_for_it(tmp_path):
@@ -150,15 +159,15 @@ def test_a_joint_of_what_stands_is_left_out_with_a_word(tmp_path):
     ({"motion": Motion.still(2.0 * np.eye(4))}, "scales")])
 def test_what_is_wrong_with_a_joint_is_said_in_a_line_with_a_mend(change, said):
     body = rod("/b1", (0.0, 0.0, 0.0))
-    joint = replace(fixed("/j", None, body), **change)
-    problems = [p for p in check(scene(body, joint)) if p.fatal]
+    joint = replace(fixed_joint("/j", None, body), **change)
+    problems = [p for p in check_scene(scene(body, joint)) if p.fatal]
     assert any(said in p.text and "mend: " in p.text and p.path == "/j" for p in problems), problems
 
 
 def test_a_joint_that_starts_apart_is_a_warning():
     body = rod("/b", (0.0, 0.0, 0.0))
-    joint = replace(fixed("/j", None, body), at0=(0.5, 0.0, 0.0))
-    (problem,) = [p for p in check(scene(body, joint)) if "apart" in p.text]
+    joint = replace(fixed_joint("/j", None, body), at0=(0.5, 0.0, 0.0))
+    (problem,) = [p for p in check_scene(scene(body, joint)) if "apart" in p.text]
     assert not problem.fatal and "0.5 m" in problem.text
 
 
@@ -192,7 +201,7 @@ def test_groups_are_apart_as_usd_has_it(tmp_path):
     save(scene(*boxes(5), *GROUPS), tmp_path / "a.usda")
     table = UsdPhysics.CollisionGroup.ComputeCollisionGroupTable(Usd.Stage.Open(str(tmp_path / "a.usda")))
     theirs = [[not table.IsCollisionEnabled(Sdf.Path(a.path), Sdf.Path(b.path)) for b in GROUPS] for a in GROUPS]
-    assert np.array_equal(apart(scene(*GROUPS)), theirs)
+    assert np.array_equal(filtered_group_table(scene(*GROUPS)), theirs)
     again = load(tmp_path / "a.usda").things("Group")
     assert [replace(g, members=[]) for g in again] == [replace(g, members=[]) for g in GROUPS]
     assert again[0].members == ["/b0/box"]
@@ -200,7 +209,7 @@ def test_groups_are_apart_as_usd_has_it(tmp_path):
 
 def kept_apart(one: Scene) -> set:
     shapes = [(c.path, 0) for b in one.things("Body") for c in b.colliders]
-    found = filters(one, shapes, [b.path for b in one.things("Body") for _ in b.colliders])
+    found = collision_filters(one, shapes, [b.path for b in one.things("Body") for _ in b.colliders])
     n = len(shapes)
     if found is None:
         return set()
@@ -210,7 +219,8 @@ def kept_apart(one: Scene) -> set:
 
 def test_pairs_and_joints_keep_colliders_apart(tmp_path):
     b = boxes(5)
-    given = scene(*b, fixed("/j", b[0], b[1]), fixed("/k", b[1], b[2], collides=True), fixed("/l", b[3], b[4], enabled=False),
+    given = scene(*b, fixed_joint("/j", b[0], b[1]), fixed_joint("/k", b[1], b[2], collides=True),
+                  fixed_joint("/l", b[3], b[4], enabled=False),
                   FilteredPairs("/b2/box", ["/b0", "/g"]), Group("/g", ["/b4/box"]))
     assert kept_apart(given) == {(1, 0), (2, 0), (4, 2)}
     save(given, tmp_path / "a.usda")
@@ -225,7 +235,7 @@ def test_a_joint_to_the_world_keeps_a_body_from_nothing_else(still, free):
     hung, other = boxes(2)
     for body, name in ((hung, "/w/hung"), (other, "/w/other")):
         body.path, body.colliders[0].path = name, name + "/box"
-    given = scene(hung, other, revolute("/w/hung/j", None, hung, still=still))
+    given = scene(hung, other, revolute_joint("/w/hung/j", None, hung, still=still))
     shapes = [(body.colliders[0].path, 0) for body in (hung, other)] + [("/w/house/floor", -1)]
-    found = filters(given, shapes, [hung.path, other.path, ""])
+    found = collision_filters(given, shapes, [hung.path, other.path, ""])
     assert (found is None) if free else (found.parted.tolist() == [2, 0])

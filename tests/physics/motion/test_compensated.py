@@ -8,7 +8,7 @@ import warp as wp
 
 from tools.bench.gradients import sheet
 from wsim.gradient.recording import Recording
-from wsim.kernels.math.compensated import gain
+from wsim.kernels.math.compensated import squared_length_gain
 from wsim.simulation.simulation import Simulation
 
 GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
@@ -18,7 +18,7 @@ GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here
 def gains(x: wp.array2d(dtype=wp.vec3), d: wp.array2d(dtype=wp.vec3), rest: wp.array(dtype=float), left: wp.array(dtype=float),
           out: wp.array(dtype=float)):
     i = wp.tid()
-    out[i] = gain(x[0, i], x[1, i], d[0, i], d[1, i], rest[i], left[i])
+    out[i] = squared_length_gain(x[0, i], x[1, i], d[0, i], d[1, i], rest[i], left[i])
 
 
 @pytest.mark.parametrize("far", [0.0, 1.0, 1e3])

@@ -10,12 +10,12 @@ import warp as wp
 
 from tools.bench.nets import reference
 from tools.bench.nets.reference import rms
-from wsim.physics.motion.stability import growth, limit
+from wsim.physics.motion.stability import spectral_radius, stable_step
 from wsim.scene import Scene, SceneError, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.scene.integrator import EXPLICIT, IMPLICIT, TABLE
-from wsim.simulation.plan import build
+from wsim.simulation.plan import build_plan
 from wsim.simulation.predicted import errors
 from wsim.simulation.simulation import Simulation
 
@@ -34,7 +34,7 @@ class Driver:
     """The plan of a scene, run without the check that refuses what is known to blow up."""
 
     def __init__(self, scene: Scene):
-        self.plan = build(replace(scene, substeps=10**6), device=wp.get_device("cpu"), real=wp.float64)
+        self.plan = build_plan(replace(scene, substeps=10**6), device=wp.get_device("cpu"), real=wp.float64)
         self.plan.clock.substeps = scene.substeps
 
     def run(self, frames: int) -> tuple[np.ndarray, np.ndarray]:
@@ -93,15 +93,16 @@ def test_energy_of_the_pendulum(integrator, percent, digits):
 def test_the_limit_is_where_growth_begins(name):
     method = TABLE[name]
     for omega, c in ((1e3, 0.0), (1e3, 50.0), (0.0, 1e3)):
-        h = limit(method, omega, c)
-        assert growth(method, omega, c, 0.99 * h) <= np.exp(h) + 1e-13 and growth(method, omega, c, 1.1 * h) > np.exp(1.1 * h)
+        h = stable_step(method, omega, c)
+        assert spectral_radius(method, omega, c, 0.99 * h) <= np.exp(h) + 1e-13 and spectral_radius(method, omega, c,
+                                                                                                    1.1 * h) > np.exp(1.1 * h)
     if method.limit_undamped:
-        assert abs(limit(method, 1e4) * 1e4 - method.limit_undamped) < 0.002 * method.limit_undamped
-    assert limit(method, 0.0) == np.inf
+        assert abs(stable_step(method, 1e4) * 1e4 - method.limit_undamped) < 0.002 * method.limit_undamped
+    assert stable_step(method, 0.0) == np.inf
 
 
 def test_no_implicit_integrator_has_a_limit():
-    assert {limit(TABLE[name], 1e6, 1e6) for name in IMPLICIT} == {np.inf}
+    assert {stable_step(TABLE[name], 1e6, 1e6) for name in IMPLICIT} == {np.inf}
 
 
 @cache
@@ -312,7 +313,8 @@ def test_auto_takes_what_costs_least_and_says_why():
 
 @pytest.mark.parametrize("springs, sweeps", [(20, 4), (20, 8), (30, 4)])
 def test_a_hanging_chain_is_longer_by_what_sweeps_leave(springs, sweeps):
-    """A row of N stiff springs under M sweeps: N^2 g h^2 / M but for a factor; `errors.slack` is above and within 2."""
+    """A row of N stiff springs under M sweeps: N^2 g h^2 / M but for a factor; `errors.slack_of_sweeps` is above and within
+    2."""
     scene = Scene(fps=60.0, substeps=10, iterations=sweeps, solver="xpbd", integrator="backward_euler", air_drag=6.0)
     chain = scene.net("/chain", [[0.0, -0.05 * i, 0.0] for i in range(springs + 1)], [[i, i + 1] for i in range(springs)],
                       [1e7] * springs, [0.01] * (springs + 1))
@@ -320,15 +322,15 @@ def test_a_hanging_chain_is_longer_by_what_sweeps_leave(springs, sweeps):
     sim = Simulation(scene, **DOUBLE)
     sim.run(150)
     longer = -sim.positions()[-1, 1] - 0.05 * springs
-    assert 0.5 < longer / errors.slack(errors.falls(sim.model), 1.0 / 600.0, sweeps) < 1.0
+    assert 0.5 < longer / errors.slack_of_sweeps(errors.falling_bodies(sim.model), 1.0 / 600.0, sweeps) < 1.0
 
 
 def test_auto_takes_the_substeps_with_which_xpbd_errs_by_no_more_than_asked():
     sim = Simulation(replace(reference.spring_cloth(40, stretch=1e9, diagonal=1e9), error=1e-3, substeps=1), device="cpu")
-    chosen, bodies, h = sim.plan.choice, errors.falls(sim.model), 1.0 / 60.0 / sim.plan.clock.substeps
+    chosen, bodies, h = sim.plan.choice, errors.falling_bodies(sim.model), 1.0 / 60.0 / sim.plan.clock.substeps
 
     def error(h: float) -> float:
-        return errors.drift(bodies, h) + errors.swept(bodies, h, chosen.iterations)
+        return errors.drift_error(bodies, h) + errors.swept_error(bodies, h, chosen.iterations)
     assert chosen.solver == "xpbd" and error(h) <= 1e-3 < error(1.03 * h)
 
 

@@ -7,9 +7,9 @@ from wsim import Bulk, Fabric, Scene, Simulation
 from wsim.gradient.recording import Recording
 from wsim.model.model import make_body
 from wsim.scene import Plane, SceneError, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
-from wsim.scene.nodal.loads import between, nodal
+from wsim.scene.nodal.loads import nodal_load_shares, surface_triangles_among
 
 T, RATE = 0.4, 5.0                  # [s], [m/s^3]
 STAYS, GROWS = [0.0, 0.5, -1.0], np.array([1.0, 0.0, 0.0])
@@ -83,8 +83,8 @@ def test_a_bar_under_traction_grows_by_t_l_over_e_and_its_wall_bears_every_load(
                      material=Bulk(young=1e5, poisson=0.0, density=100.0, model="linear"))
     left, right = (np.flatnonzero(abs(bar.points[:, 0] - s * 0.2) < 1e-6) for s in (-1, 1))
     scene.pin("/wall", bar, left)
-    scene.traction("/pull", bar, between(bar, right), (2e3, 0.0, 0.0))
-    scene.traction("/wind", bar, between(bar, left), (0.0, 50.0, 0.0))
+    scene.traction("/pull", bar, surface_triangles_among(bar, right), (2e3, 0.0, 0.0))
+    scene.traction("/wind", bar, surface_triangles_among(bar, left), (0.0, 50.0, 0.0))
     sim = Simulation(scene, precision="float64", device="cpu")
     sim.run(8)
     np.testing.assert_allclose(sim.positions("/bar"), bar.points + (0.02 * (bar.points + 0.2)) * [1, 0, 0], atol=2e-8)
@@ -101,8 +101,9 @@ def test_nodal_forces_have_the_sum_and_the_moment_of_the_traction(body):
         thing = scene.cloth("/b", points, counts, indices, material=Fabric())
     else:
         thing = scene.soft("/b", *shapes.block((0.4, 0.2, 0.2), (2, 1, 1)), quadratic=body == "quadratic")
-    triangles = between(thing)[::2]
-    places, parts = nodal(scene.traction("/t", thing, triangles, (1.0, 2.0, 3.0)), made := make_body(thing, 0, 0, 0))
+    triangles = surface_triangles_among(thing)[::2]
+    places, parts = nodal_load_shares(scene.traction("/t", thing, triangles, (1.0, 2.0, 3.0)),
+                                      made := make_body(thing, 0, 0, 0))
     X = thing.points.astype(np.float64)
     corner = X[triangles]
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
@@ -113,7 +114,7 @@ def test_nodal_forces_have_the_sum_and_the_moment_of_the_traction(body):
 def wrong(change: str) -> Scene:
     scene = pushed()
     bar = scene.soft("/bar", *shapes.block((0.4, 0.2, 0.2), (2, 1, 1)))
-    load = scene.traction("/pull", bar, between(bar)[:2], (1.0, 0.0, 0.0))
+    load = scene.traction("/pull", bar, surface_triangles_among(bar)[:2], (1.0, 0.0, 0.0))
     if change == "body":
         load.body = "/none"
     elif change == "range":
@@ -145,7 +146,7 @@ def wrong(change: str) -> Scene:
     ("infinite", "not finite"), ("weights", "3 weights"), ("both", "both points and triangles"), ("nothing", "acts on nothing"),
     ("path", "2 objects have this path")])
 def test_bad_loads_are_refused(change, words):
-    assert words in "\n".join(str(p) for p in check(wrong(change)) if p.fatal)
+    assert words in "\n".join(str(p) for p in check_scene(wrong(change)) if p.fatal)
 
 
 def test_live_loads_are_judged_and_refused_whole():

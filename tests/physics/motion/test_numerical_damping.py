@@ -35,7 +35,7 @@ def test_backward_euler_takes_what_it_must(solver):
     wanted = (1.0 + (H * OMEGA)**2) ** (-4 * FRAMES) - 1.0
     assert found["error"]["energy_change"] == pytest.approx(wanted, rel=1e-6)
     assert found["error"]["energy_change_seconds"] == 0.25
-    assert f" {100.0 * wanted:+.2g} % in 0.25 s (numerical damping of backward_euler)" in report.text(found)
+    assert f" {100.0 * wanted:+.2g} % in 0.25 s (numerical damping of backward_euler)" in report.report_text(found)
 
 
 def test_the_midpoint_takes_nothing():
@@ -99,8 +99,8 @@ def leaky(what: str) -> Scene:
 def test_where_something_else_counts_nothing_is_said(what):
     sim = Simulation(leaky(what), device="cpu")
     sim.plan.clock.starting = True
-    from wsim.simulation.measure.indicators import balance
-    assert balance(sim) is None and balance(Simulation(block(), device="cpu")) is not None
+    from wsim.simulation.measure.indicators import begin_integrator_balance
+    assert begin_integrator_balance(sim) is None and begin_integrator_balance(Simulation(block(), device="cpu")) is not None
 
 
 def test_it_counts_from_where_points_were_placed_last_and_not_past_a_live_parameter():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.geometry.topology import incident
-from wsim.kernels.cloth.spring import gather, net
+from wsim.geometry.topology import incident_rows
+from wsim.kernels.cloth.spring import spring_gather_function, spring_nets
 from wsim.kernels.math.real import types
 
 REAL, POINTS = wp.float32, 9
@@ -16,9 +16,9 @@ def case() -> tuple:
     """A net in which points have four to eight springs, and four forces of corners at each, all of any size."""
     rng = np.random.default_rng(3)
     ends = np.array([(i, (i + k) % POINTS) for i in range(POINTS) for k in (1, 2, 4)] + [(0, 3), (0, 6)])
-    start, spring = incident(ends, POINTS)
+    start, spring = incident_rows(ends, POINTS)
     own = np.repeat(np.arange(POINTS), np.diff(start))
-    table = net(REAL)()
+    table = spring_nets(REAL)()
     for name, values in {"start": start, "other": ends[spring].sum(1) - own, "first": np.arange(POINTS + 1) * 4,
                          "item": rng.permutation(4 * POINTS)}.items():
         setattr(table, name, wp.array(values.astype(np.int32), dtype=int, device="cpu"))
@@ -30,8 +30,8 @@ def case() -> tuple:
 
 def gathered(case: tuple, lanes: int, sums: int) -> np.ndarray:
     """What each lane has of each point, (points, lanes, 3)."""
-    vec3, Net = types(REAL).vec3, net(REAL)
-    one = gather(REAL, springs=True, corners=True, damped=False, lanes=lanes, sums=sums)
+    vec3, Net = types(REAL).vec3, spring_nets(REAL)
+    one = spring_gather_function(REAL, springs=True, corners=True, damped=False, lanes=lanes, sums=sums)
 
     def each(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), out: wp.array2d(dtype=vec3)):
         i, lane = wp.tid()

@@ -61,7 +61,7 @@ def test_bdf2_does_not_jump_where_a_frame_is_repeated_with_shorter_steps(solver)
 def test_leapfrog_falls_on_where_its_steps_become_shorter(change):
     """Its velocity is that of half a step before: of a step of another length it would be off by G (h - h') / 2."""
     sim = Simulation(flying(G, solver="explicit", integrator="leapfrog", substeps=24), device="cpu", precision="float64")
-    assert sim.state.has("b")
+    assert sim.state.has_point_field("b")
     sim.plan.clock.touching = True
     sim.run(3)
     before = sim.plan.clock.substeps

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.physics.selfcontact.rig import SOLVERS, solvers
+from tests.physics.contact.selfcontact.rig import SOLVERS, solvers
 from wsim.gradient.recording import Recording
-from wsim.physics.motion.pins import turns
+from wsim.physics.motion.pins import pin_turns
 from wsim.scene import Motion, Pin, Scene
 from wsim.simulation.simulation import Simulation
 
@@ -40,7 +40,7 @@ def test_a_point_between_soft_pins_rests_where_they_balance(solver, count):
 def test_no_launch_has_two_soft_pins_of_one_point():
     """On a GPU each would write what it made of the point that both read."""
     places = np.random.default_rng(2).integers(0, 30, 200)
-    found = turns(places)
+    found = pin_turns(places)
     assert sorted(np.concatenate(found)) == list(range(200)) and len(found) == np.bincount(places).max()
     assert all(len(set(places[pins])) == len(pins) for pins in found)
     sim = Simulation(pulled(3, **SOLVERS["xpbd"]), device="cpu")

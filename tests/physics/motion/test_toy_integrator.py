@@ -16,7 +16,7 @@ from wsim.simulation.simulation import Simulation
 
 PART, OMEGA, START, FRAMES = 0.55, 10.0, 0.2, 12
 THETA = Integrator("theta", 1, "every h", g=PART, nodes=(PART,), met=(1e-2, 1e-3), title="the theta method",
-                   motion="wsim.physics.motion.points.Prolonged")
+                   motion="wsim.physics.motion.points.ProlongedEuler")
 
 
 @pytest.fixture(params=("implicit", "xpbd"))

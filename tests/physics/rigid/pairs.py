@@ -7,9 +7,9 @@ import warp as wp
 
 from tests.make.suite.every_shape import ALL
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists.manifold import manifold
-from wsim.kernels.rigid.narrow.pair import every, narrow
-from wsim.kernels.rigid.narrow.shape import KINDS, hulls, shape
+from wsim.kernels.rigid.lists.manifold import manifold_type
+from wsim.kernels.rigid.narrow.pair import narrow_phase_func, pairs_of_kinds
+from wsim.kernels.rigid.narrow.shape import KINDS, hull_type, shape_type
 
 PRECISIONS = [wp.float32, wp.float64]
 WHERE = {"device": "cpu"}               # tests/gpu/test_rigid_narrow.py has the same tests on a GPU
@@ -18,7 +18,7 @@ WHERE = {"device": "cpu"}               # tests/gpu/test_rigid_narrow.py has the
 @cache
 def kernel(pairs, real):
     t = types(real)
-    Shape, Hulls, Manifold, made = shape(real), hulls(real), manifold(real), narrow(pairs, real)
+    Shape, Hulls, Manifold, made = shape_type(real), hull_type(real), manifold_type(real), narrow_phase_func(pairs, real)
 
     @wp.kernel(module="unique", enable_backward=False)
     def touch(a: wp.array(dtype=Shape), b: wp.array(dtype=Shape), H: Hulls, pose_a: wp.array(dtype=t.transform),
@@ -31,7 +31,7 @@ def kernel(pairs, real):
 
 def shapes(rows, real):
     """Array of Shape of rows (kind, size) or (kind, size, row)."""
-    Shape = shape(real)
+    Shape = shape_type(real)
     found = np.zeros(len(rows), Shape.numpy_dtype())
     for k, (kind, size, *row) in enumerate(rows):
         found[k]["kind"] = KINDS[kind]
@@ -46,12 +46,12 @@ def shapes(rows, real):
 def touch(a, pose_a, b, pose_b, margin=1e30, real=wp.float64, H=None, pairs=None):
     """Manifolds as a structured array: fields n, count, x, gap, key. Poses: (..., 7), translation and (x, y, z, w)."""
     t = types(real)
-    pairs = ALL if WHERE["device"] == "cpu" else pairs or every({row[0] for row in (*a, *b)})          # a kernel for all tests
-    out = wp.zeros(len(a), dtype=manifold(real), **WHERE)
+    pairs = ALL if WHERE["device"] == "cpu" else pairs or pairs_of_kinds({row[0] for row in (*a, *b)})  # a kernel for all tests
+    out = wp.zeros(len(a), dtype=manifold_type(real), **WHERE)
     margin = np.broadcast_to(np.asarray(margin, float), len(a))
     poses = [wp.array(np.ascontiguousarray(np.broadcast_to(p, (len(a), 7))), dtype=t.transform, **WHERE)
              for p in (pose_a, pose_b)]
-    wp.launch(kernel(pairs, real), len(a), [shapes(a, real), shapes(b, real), H or hulls(real)(), *poses,
+    wp.launch(kernel(pairs, real), len(a), [shapes(a, real), shapes(b, real), H or hull_type(real)(), *poses,
                                             wp.array(margin, dtype=real, **WHERE)], [out], **WHERE)
     return out.numpy()
 

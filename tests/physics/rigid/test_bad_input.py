@@ -11,7 +11,7 @@ from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Box, Collider, Plane, Scene, SceneError, Sphere, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
@@ -79,7 +79,7 @@ def test_what_cannot_run_is_refused_in_a_line_with_its_path(more, said, tmp_path
      "without a volume")])
 def test_what_is_odd_is_a_warning_with_a_mend_and_runs(more, said, tmp_path):
     scene = load(stage_with(str(tmp_path / "a.usda"), **more))
-    problems = [p for p in (*scene.notes, *check(scene)) if said in p.text]
+    problems = [p for p in (*scene.notes, *check_scene(scene)) if said in p.text]
     assert problems and all(p.path == "/b" and not p.fatal and "mend: " in p.text for p in problems)
     sim = Simulation(scene, **WHERE)
     sim.run(2)
@@ -90,7 +90,7 @@ def test_a_sound_body_is_told_nothing(tmp_path):
     for k, more in enumerate([{}, {"points": TETRAHEDRON}, {"Mass": 2.0}, {"metres": 0.01, "scale": 20.0},
                               {"orient": (0.7071, 0, 0.7071, 0)}]):
         scene = load(stage_with(str(tmp_path / f"{k}.usda"), **more))
-        found = [p for p in (*scene.notes, *check(scene)) if p.path.startswith("/b")]
+        found = [p for p in (*scene.notes, *check_scene(scene)) if p.path.startswith("/b")]
         said = ["no joint holds it and nothing lies below: it falls for ever"]
         assert [p.text.partition(";")[0] for p in found] == said, more
 
@@ -99,7 +99,7 @@ def test_a_sound_body_is_told_nothing(tmp_path):
 def test_bodies_that_nothing_can_stop_are_warned_of_once(said):
     """One warning for all; none where there is a floor, something to hang from, no weight or a force."""
     def found(scene: Scene) -> list[str]:
-        return [f"{p.path}: {p.text}" for p in check(scene) if "for ever" in p.text]
+        return [f"{p.path}: {p.text}" for p in check_scene(scene) if "for ever" in p.text]
 
     def two(**more) -> Scene:
         scene = Scene(**more)
@@ -143,7 +143,7 @@ def test_a_pin_whose_target_does_not_move_with_a_body_holds(target):
     scene.add(Body("/box", [Collider("/box/shape", Box((0.1, 0.1, 0.1)))], Motion.at_place((0.0, 1.0, 0.0))))
     scene.collider("/box/lift", Plane())
     scene.pin("/tied", scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2, horizontal=True)), [0], target=target)
-    assert not [p for p in check(scene) if p.fatal]
+    assert not [p for p in check_scene(scene) if p.fatal]
 
 
 def lying(n: int, body: Body) -> Scene:
@@ -161,7 +161,7 @@ def test_a_body_that_starts_inside_of_a_cloth_is_named_with_the_place(shape):
     """Only colliders were. One that rests on it is not named, nor one between whose points a chord sinks into a ball."""
     def said(y: float, n: int = 8) -> list[str]:
         of = Collider("/body/shape", shape, Motion.at_place((0.0, 0.02, 0.0)))
-        found = check(lying(n, Body("/body", [of], Motion.at_place((0.1, y, 0.05)))))
+        found = check_scene(lying(n, Body("/body", [of], Motion.at_place((0.1, y, 0.05)))))
         return [str(p) for p in found if "start" in p.text]
     assert not said(0.0301) and not said(0.0301, 3) and not said(0.5)
     found, = said(-0.01)
@@ -173,7 +173,7 @@ def test_a_body_that_starts_inside_of_a_cloth_is_named_with_the_place(shape):
 def test_a_body_that_starts_between_the_points_of_a_cloth_is_named_with_the_place(n):
     """These alone meet it: it would go through there."""
     body = Body("/body", [Collider("/body", Box((0.03, 0.03, 0.03)))], Motion.at_place((0.1, 0.01, 0.05)))
-    found, = [str(p) for p in check(lying(n, body)) if "start" in p.text]
+    found, = [str(p) for p in check_scene(lying(n, body)) if "start" in p.text]
     assert "/sheet: the rigid body /body starts in its triangles, between their points, by 0.02 m at (" in found
     x, z = re.search(r"at \(([\d.]+), 0, ([\d.]+)\) m: points alone meet rigid bodies", found).groups()
     assert abs(float(x) - 0.1) < 0.03 and abs(float(z) - 0.05) < 0.03

@@ -57,8 +57,8 @@ class Seen:
 
 def free(body: Body) -> Body:
     """Without weight."""
-    from wsim.physics.rigid.mass import inertia
-    body.force = np.array([0.0, inertia(body).mass * G, 0.0])
+    from wsim.physics.rigid.mass import body_inertia
+    body.force = np.array([0.0, body_inertia(body).mass * G, 0.0])
     return body
 
 

@@ -8,16 +8,16 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from tests.physics.rigid.pairs import WHERE
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.geometry import rotation
 from wsim.geometry.winding import wound_alike
-from wsim.physics.rigid.mass import inertia, volume
+from wsim.physics.rigid.mass import body_inertia, shape_volume
 from wsim.scene import SceneError, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.solids import Box
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
-from wsim.usd.result.restart import Result
+from wsim.usd.result.restart import ResultReader
 
 ARM = """#usda 1.0
 ( metersPerUnit = 1; upAxis = "Z"; timeCodesPerSecond = 24; startTimeCode = 0; endTimeCode = 6 )
@@ -71,14 +71,14 @@ def test_bodies_within_a_body_move_by_themselves(tmp_path):
     """They start where the stage has them, and a result shows them where they are."""
     scene = written(tmp_path / "arm.usda", ARM)
     bodies = {body.path.rsplit("/", 1)[-1]: body for body in scene.things("Body")}
-    R = rotation.about_axis(np.array([1.0, 0.0, 0.0]), np.radians(40.0))
+    R = rotation.axis_rotation_matrix(np.array([1.0, 0.0, 0.0]), np.radians(40.0))
     assert np.allclose(at(bodies["lower"])[:3, 3], np.array([0.0, 1.0, 1.0]) + R @ (0.0, 0.0, -0.4), atol=1e-7)
     assert np.allclose(at(bodies["tool"])[:3, 3], (1.0, 0.0, 3.0))
-    job = prepare(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **WHERE))
+    job = prepare_recorded_run(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **WHERE))
     job.frames()
     poses = job.simulation.plan.method("rigid").poses()
     cache = UsdGeom.XformCache(6)
-    stage = Result(str(tmp_path / "o.usdc")).stage
+    stage = ResultReader(str(tmp_path / "o.usdc")).stage
     for k, body in enumerate(scene.things("Body")):
         M = np.array(cache.GetLocalToWorldTransform(stage.GetPrimAtPath(body.path))).T
         assert np.abs(M - poses[k]).max() < 1e-6, body.path
@@ -96,7 +96,7 @@ def test_bodies_within_bodies_are_saved_in_any_order(tmp_path):
             found = again[body.path]
             assert np.abs(at(found) - at(body)).max() < 1e-7, (k, body.path)
             own = found.colliders[0].motion.at(0.0)
-            assert np.abs(own - np.eye(4)).max() < 1e-7 and abs(inertia(found).mass - inertia(body).mass) < 1e-6
+            assert np.abs(own - np.eye(4)).max() < 1e-7 and abs(body_inertia(found).mass - body_inertia(body).mass) < 1e-6
 
 
 def test_filtered_pairs_of_bodies_do_not_touch(tmp_path):
@@ -124,7 +124,7 @@ def Cube "B" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"
     scene = written(tmp_path / "a.usda", text)
     save(scene, tmp_path / "b.usda")
     for given in (scene, load(tmp_path / "b.usda")):
-        assert not [p for p in check(given) if p.fatal]
+        assert not [p for p in check_scene(given) if p.fatal]
         sim = Simulation(given, **WHERE)
         sim.run(5)
         assert np.abs(sim.plan.method("rigid").poses()[:, 0, 3] - (0.0, 0.1)).max() < 1e-6
@@ -234,7 +234,7 @@ def test_masses_are_those_of_usd_core_wherever_they_are_authored(seed, tmp_path)
         if rng.uniform() < 0.5:
             UsdShade.MaterialBindingAPI.Apply(prim).Bind(material, materialPurpose="physics")
     stage.Save()
-    by_path = {c.path: volume(c.shape).moved(c.motion.at(0.0)) for c in load(stage).things("Body")[0].colliders}
+    by_path = {c.path: shape_volume(c.shape).moved(c.motion.at(0.0)) for c in load(stage).things("Body")[0].colliders}
 
     def information(prim, *_):
         found, own = UsdPhysics.RigidBodyAPI.MassInformation(), by_path[str(prim.GetPath())]
@@ -245,7 +245,7 @@ def test_masses_are_those_of_usd_core_wherever_they_are_authored(seed, tmp_path)
         found.localRot = Gf.Quatf(float(np.cos(np.pi / 12)), Gf.Vec3f(0.0, 0.0, float(np.sin(np.pi / 12))))
         return found
     mass, moments, center, _ = UsdPhysics.RigidBodyAPI(body).ComputeMassProperties(information)
-    found = inertia(load(stage).things("Body")[0])
+    found = body_inertia(load(stage).things("Body")[0])
     assert abs(found.mass / mass - 1.0) < 1e-5 and np.allclose(found.center, center, atol=1e-5)
     assert np.allclose(found.moments, sorted(moments), rtol=1e-4)
 
@@ -261,7 +261,7 @@ def test_axes_are_the_prims_where_none_are_authored_and_light_bodies_keep_their_
     for prim in (bare, light):
         UsdPhysics.RigidBodyAPI.Apply(prim)
     stage.Save()
-    bodies = {body.path: inertia(body) for body in load(stage).things("Body")}
+    bodies = {body.path: body_inertia(body) for body in load(stage).things("Body")}
     assert np.array_equal(bodies["/bare"].axes, (0.0, 0.0, 0.0, 1.0)) and np.allclose(bodies["/bare"].moments, (0.1, 0.2, 0.25))
     assert np.allclose(bodies["/light"].moments, 1e-6 * 1e-6 / 6.0, rtol=1e-6)
 
@@ -282,7 +282,7 @@ def test_a_closed_mesh_has_its_volume_however_its_faces_are_wound(faces, shared)
     indices = turned(indices, faces)
     if not shared:
         points, indices = points[indices], np.arange(len(indices))
-    found, true = volume(Surface(points + np.array([3.0, 0.0, 0.0]), counts, indices)), volume(Box((0.5, 0.5, 0.5)))
+    found, true = shape_volume(Surface(points + np.array([3.0, 0.0, 0.0]), counts, indices)), shape_volume(Box((0.5, 0.5, 0.5)))
     assert abs(found.volume - 1.0) < 1e-6 and np.allclose(found.center, (3.0, 0.0, 0.0), atol=1e-6)
     assert np.allclose(found.inertia, true.inertia, atol=1e-6)
 
@@ -292,7 +292,7 @@ def test_a_hollow_stays_hollow_and_what_has_one_side_stays_as_it_is():
     inner = turned(indices, range(6)) + len(points)                       # wound inward: a hollow of an eighth
     both = Surface(np.concatenate([points, 0.5 * points]), np.concatenate([counts, counts]),
                    np.concatenate([turned(indices, (1,)), turned(inner, (4,))]))
-    assert abs(volume(both).volume - 0.875) < 1e-6
+    assert abs(shape_volume(both).volume - 0.875) < 1e-6
     angle = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     side = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle), np.sin(angle / 2)], 1)
     middle = 3.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], 1)
@@ -321,7 +321,7 @@ def test_an_open_mesh_has_the_mass_of_what_it_is_met_as(approximation, mass, tmp
             load(stage)
         return
     (body,) = load(stage).things("Body")
-    assert abs(inertia(body).mass / mass - 1.0) < 1e-5 and np.abs(inertia(body).center).max() < 1e-6
+    assert abs(body_inertia(body).mass / mass - 1.0) < 1e-5 and np.abs(body_inertia(body).center).max() < 1e-6
 
 
 def test_a_joint_frame_is_made_a_unit_and_said(tmp_path):

@@ -9,15 +9,15 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from tests.physics.rigid.pairs import WHERE
 from tests.physics.rigid.test_contact import ball, box, world
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.geometry import rotation
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Plane, Scene, SceneError, Sphere
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
-from wsim.usd.result.restart import Result
+from wsim.usd.result.restart import ResultReader
 
 ASSETS = Path(__file__).parents[3] / "scenes" / "assets"
 
@@ -30,7 +30,7 @@ def alike(some: list[Collider], others: list[Collider]) -> bool:
 
 def test_a_scene_is_saved_and_loaded(tmp_path):
     M = np.eye(4)
-    M[:3, :3], M[:3, 3] = rotation.about_axis(np.array([0.6, 0.0, 0.8]), 0.7), (1.0, 2.0, 3.0)
+    M[:3, :3], M[:3, 3] = rotation.axis_rotation_matrix(np.array([0.6, 0.0, 0.8]), 0.7), (1.0, 2.0, 3.0)
     part = Collider("/World/body/part", Box((0.25, 0.5, 1.0)), Motion.at_place((0.5, 0.0, 0.0)), restitution=0.5)
     scene = Scene()
     scene.add(Body("/World/body", [part], Motion.still(M), velocity=(1.0, 2.0, 3.0), spin=(0.0, 2.0, 0.0), mass=2.0,
@@ -118,8 +118,8 @@ def test_results_are_transforms_that_keep_the_authored_scale(tmp_path):
     UsdPhysics.RigidBodyAPI.Apply(cube.GetPrim()).CreateVelocityAttr(Gf.Vec3f(1.0, 0.0, 0.0))
     stage.Save()
     scene = replace(load(tmp_path / "a.usda"), frames=2, gravity=(0.0, 0.0, 0.0))
-    prepare(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **WHERE)).frames()
-    result = Result(str(tmp_path / "o.usdc"))
+    prepare_recorded_run(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **WHERE)).frames()
+    result = ResultReader(str(tmp_path / "o.usdc"))
     prim = result.stage.GetPrimAtPath("/World/box")
     assert prim.GetAttribute("xformOp:transform").GetNumTimeSamples() == 3
     M = np.array(UsdGeom.XformCache(2.0).GetLocalToWorldTransform(prim)).T
@@ -133,7 +133,7 @@ def test_a_run_goes_on_to_the_bit(tmp_path):
 
     def run(output: str, frames: int, restart: str | None = None):
         scene = replace(load(tmp_path / "s.usda"), frames=frames)
-        job = prepare(scene, output, lambda s: Simulation(s, **WHERE), restart=restart)
+        job = prepare_recorded_run(scene, output, lambda s: Simulation(s, **WHERE), restart=restart)
         job.frames()
         return job.simulation
     one = run(whole, 40)
@@ -154,7 +154,7 @@ def test_a_run_goes_on_to_the_bit(tmp_path):
 def test_what_is_wrong_is_said_in_a_line_with_its_path_and_a_mend(change, said):
     scene = Scene()
     scene.add(replace(ball("/b", (0.0, 0.0, 0.0)), **change))
-    problems = [p for p in check(scene) if p.fatal]
+    problems = [p for p in check_scene(scene) if p.fatal]
     assert any(said in p.text and "mend: " in p.text and p.path in ("/b", "/b/c", "/else") for p in problems), problems
     with pytest.raises(SceneError, match="/b|/else"):
         Simulation(scene, **WHERE)
@@ -163,7 +163,7 @@ def test_what_is_wrong_is_said_in_a_line_with_its_path_and_a_mend(change, said):
 def test_moments_that_no_solid_has_are_a_warning():
     scene = Scene()
     scene.add(replace(ball("/b", (0.0, 0.0, 0.0)), inertia=(1.0, 1.0, 3.0)))
-    (problem,) = [p for p in check(scene) if "no solid has" in p.text]
+    (problem,) = [p for p in check_scene(scene) if "no solid has" in p.text]
     assert not problem.fatal
 
 

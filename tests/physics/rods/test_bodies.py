@@ -5,10 +5,10 @@ import pytest
 
 from tests.physics.rods.rig import simulated
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rods import together
+from wsim.physics.rods import coupled_newton
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Box, Collider, Motion, Scene
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 
 G, THICK = 9.81, 0.02
 
@@ -160,7 +160,7 @@ def test_a_point_that_more_bodies_touch_than_there_is_room_for():
 def test_a_rope_that_begins_in_a_body_is_told():
     scene = thrown(0.2, False)
     scene.things("Body")[0].motion = at((0.0, 0.01, 0.0))
-    said = [p for p in check(scene) if p.path == "/rope"]
+    said = [p for p in check_scene(scene) if p.path == "/rope"]
     assert len(said) == 1 and "3 points begin inside of /box/shape, the deepest, 10, by 0.04 m" in said[0].text
 
 
@@ -176,7 +176,7 @@ def test_nothing_of_it_is_built_without_bodies():
 def test_a_block_of_threads_finds_what_a_thread_a_strand_does_with_bodies(on, monkeypatch):
     """A box that is thrown at a rope: iterations end at 1e-6 of an edge of 4 cm, in each of 16 substeps."""
     def places(team: bool) -> tuple[np.ndarray, np.ndarray, bool]:
-        monkeypatch.setattr(together, "TEAM", team)
+        monkeypatch.setattr(coupled_newton, "TEAM", team)
         simulation, method = simulated(thrown(0.2, on))
         simulation.run(4)
         rigid = simulation.plan.method("rigid")

@@ -9,7 +9,7 @@ from wsim.geometry import primitives
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Box, Collider, Motion, Scene, Surface
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.solids import Capsule
 
 FLAT = np.eye(3)
@@ -55,7 +55,7 @@ def test_a_box_that_falls_between_points_is_caught(R, on):
 
 
 def test_a_mesh_is_caught_as_the_box_that_it_is():
-    points, triangles = primitives.box((0.05,) * 3)
+    points, triangles = primitives.box_outline((0.05,) * 3)
     mesh = Surface(np.asarray(points, np.float32), np.full(len(triangles), 3), np.asarray(triangles).ravel())
     places = []
     for shape in (None, mesh):
@@ -217,5 +217,5 @@ def test_results_are_the_same_from_run_to_run_and_in_worlds():
 def test_a_body_that_begins_within_an_edge_is_told():
     scene = blow(3.0)
     scene.things("Body")[0].motion = at((0.045, 0.006, 0.005))
-    said = [p.text for p in check(scene) if p.path == "/rope"]
+    said = [p.text for p in check_scene(scene) if p.path == "/rope"]
     assert len(said) == 1 and "edge" in said[0] and "/bar/shape" in said[0]

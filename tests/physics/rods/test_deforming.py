@@ -6,7 +6,7 @@ import pytest
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Scene, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
 
@@ -62,7 +62,7 @@ def test_points_with_keys_carry_strands_as_a_prim_that_moves(closed, self_collis
         else:
             poses = Curve(TIMES, (points[None] + shift[:, None, None] * (1.0, 0.0, 0.0)).astype(np.float32))
             scene.collider("/slab", Surface(points, counts, indices, poses=poses), static_friction=0.4, dynamic_friction=0.3)
-        assert not [p for p in check(scene) if "deform" in str(p) or "start" in str(p)]
+        assert not [p for p in check_scene(scene) if "deform" in str(p) or "start" in str(p)]
         found.append(ends(scene))
     (a, told), (b, also) = found
     assert np.abs(a - laid()[1].points).max() > 0.05 and a[:, 1].min() > 0.9 * THICK / 2.0

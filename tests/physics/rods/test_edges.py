@@ -7,12 +7,12 @@ import warp as wp
 from tests.physics.rods.rig import RADIUS, scene, simulated
 from wsim.geometry import primitives
 from wsim.kernels.rods.contact import Colliders
-from wsim.kernels.rods.edges.flanks import TURN, flanking
+from wsim.kernels.rods.edges.edge_contact_points import TURN, edge_flank_functions
 from wsim.kernels.rods.march import TOLERANCE
 from wsim.scene import Box, Motion, Plane, Sphere, Surface
 from wsim.scene.solids import Capsule
 
-TUBE, FACES = primitives.capsule(0.02, 0.02, 0.3, 48)
+TUBE, FACES = primitives.capsule_outline(0.02, 0.02, 0.3, 48)
 MESH = Surface(TUBE, np.full(len(FACES), 3), FACES.ravel())
 
 
@@ -143,7 +143,7 @@ def test_an_edge_that_its_ends_leave_out_has_no_place_nearer_than_they_are(shape
     below which no more than TURN is hidden."""
     _, method = simulated(laid(2, 1.0, (shape, placed(0.0))))
     method.obstacles.pose(np.zeros(method.substeps + 1))
-    of = flanking(method.obstacles.kinds)
+    of = edge_flank_functions(method.obstacles.kinds)
     flanks, turns = of.flanks, of.turns
 
     @wp.kernel(enable_backward=False, module="unique")

@@ -6,7 +6,7 @@ from pxr import Usd, UsdGeom
 
 import wsim
 from tests.physics.rods.rig import turning
-from wsim.physics.rods.follow.binding import bind, nearest
+from wsim.physics.rods.follow.binding import bind_followers, nearest_guides
 from wsim.physics.rods.follow.objects import Followers
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Motion, Scene, SceneError
@@ -81,12 +81,12 @@ def test_one_between_two_guides_moves_by_their_mean():
 
 def test_weights_sum_to_one_and_a_hair_at_the_root_of_a_guide_has_it_alone():
     roots = np.random.default_rng(0).normal(size=(20, 3))
-    number, weight = nearest(np.concatenate([roots[7:8], roots[:3] + 0.01]), roots)
+    number, weight = nearest_guides(np.concatenate([roots[7:8], roots[:3] + 0.01]), roots)
     assert weight.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
     assert number[0, 0] == 7 and weight[0].tolist() == [1.0, 0.0, 0.0]
     made, rods, followers = combed()
     table = Simulation(made, device="cpu").plan.method("rods").table
-    edge, weight, place = bind(followers, table, table.own[0])
+    edge, weight, place = bind_followers(followers, table, table.own[0])
     assert weight.min() >= 0.0 and weight.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
 
 
@@ -123,8 +123,8 @@ def test_a_file_carries_them_and_a_result_holds_their_points(tmp_path):
     wsim.save(made, path)
     loaded = wsim.load(path)
     assert loaded.things("Followers")[0] == followers and not [n for n in loaded.notes if "/hair" in n.path]
-    from wsim.cli.run import prepare
-    job = prepare(loaded, output, lambda s: Simulation(s, device="cpu"))
+    from wsim.cli.run import prepare_recorded_run
+    job = prepare_recorded_run(loaded, output, lambda s: Simulation(s, device="cpu"))
     job.frames()
     stage = Usd.Stage.Open(output)
     curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/hair"))

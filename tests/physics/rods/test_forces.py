@@ -14,7 +14,7 @@ from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
 
 FORCE = 1e-3
-BEND = element.bend()
+BEND = element.rod_strain_functions()
 strains = BEND.strains
 
 
@@ -26,8 +26,8 @@ def evaluate(X: wp.array(dtype=wp.vec3d), T: wp.array(dtype=wp.vec3d), M: wp.arr
     e1 = X[2] - X[1]
     t0 = wp.normalize(e0)
     t1 = wp.normalize(e1)
-    m0 = element.turned(t0, element.upright(t0, element.transport(T[0], t0, M[0])), turn[0])
-    m1 = element.turned(t1, element.upright(t1, element.transport(T[1], t1, M[1])), turn[1])
+    m0 = element.rotated_director(t0, element.orthogonal_director(t0, element.transport_director(T[0], t0, M[0])), turn[0])
+    m1 = element.rotated_director(t1, element.orthogonal_director(t1, element.transport_director(T[1], t1, M[1])), turn[1])
     f = strains(t0, t1, wp.length(e0), wp.length(e1), m0, m1, wp.float64(0.0))
     s[0] = f.s
     g[0] = f.a
@@ -42,9 +42,9 @@ class Place:
     def __init__(self, seed: int):
         rng = np.random.default_rng(seed)
         self.X = np.cumsum(np.array([1.0, 0.0, 0.0]) + 0.7 * rng.normal(size=(3, 3)), axis=0)
-        self.T = shape.unit(np.diff(self.X, axis=0))
+        self.T = shape.unit_vectors(np.diff(self.X, axis=0))
         m = np.cross(self.T, rng.normal(size=(2, 3)))
-        self.M = shape.unit(m)
+        self.M = shape.unit_vectors(m)
 
     def at(self, X: np.ndarray, turn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         s, g, o = wp.zeros(1, dtype=wp.vec3d, device="cpu"), wp.zeros(2, dtype=wp.mat33d, device="cpu"), wp.zeros(
@@ -71,7 +71,7 @@ def test_gradients_of_curvature_and_twist_are_those_of_differences(seed):
 
 def test_the_host_has_the_strains_of_the_device():
     place = Place(7)
-    host = shape.strains(place.X[None], place.M[None])[0, 1]
+    host = shape.bending_twist_strains(place.X[None], place.M[None])[0, 1]
     assert host == pytest.approx(place.at(place.X, (0.0, 0.0))[0], abs=1e-14)
 
 
@@ -79,9 +79,9 @@ def test_rigid_motions_do_not_strain():
     rng = np.random.default_rng(3)
     x, q = np.cumsum(rng.normal(size=(1, 9, 3)), axis=1), np.linalg.qr(rng.normal(size=(3, 3)))[0]
     q *= np.linalg.det(q)
-    m = shape.frames(x)
-    assert shape.strains(x @ q.T + 5.0, m @ q.T) == pytest.approx(shape.strains(x, m), abs=1e-12)
-    assert np.abs(shape.strains(x, m)[..., 2]).max() < 1e-12                    # frames without twist have none
+    m = shape.director_frames(x)
+    assert shape.bending_twist_strains(x @ q.T + 5.0, m @ q.T) == pytest.approx(shape.bending_twist_strains(x, m), abs=1e-12)
+    assert np.abs(shape.bending_twist_strains(x, m)[..., 2]).max() < 1e-12      # frames without twist have none
 
 
 def tip(n: int, **more):

@@ -8,15 +8,15 @@ from tests.physics.rods.rig import simulated
 from tests.physics.rods.test_bodies import line, masses
 from wsim.geometry import primitives
 from wsim.kernels.rods.contact import Colliders
-from wsim.kernels.rods.edges.flanks import flanking
-from wsim.kernels.rods.edges.sites import beneath
+from wsim.kernels.rods.edges.edge_contact_law import depth_beneath_ends
+from wsim.kernels.rods.edges.edge_contact_points import edge_flank_functions
 from wsim.kernels.rods.march import TOLERANCE
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Box, Collider, Motion, Scene, Sphere, Surface
 from wsim.scene.solids import Capsule
 
-CORNERS, FACES = primitives.box((1.0, 0.6, 0.8))
+CORNERS, FACES = primitives.box_outline((1.0, 0.6, 0.8))
 
 
 def turned(g: np.random.Generator) -> np.ndarray:
@@ -78,7 +78,7 @@ def test_a_net_that_nothing_holds_and_bodies_keep_their_momentum_and_bits():
 
 def pushed(shapes, kinds: tuple[str, ...], a: np.ndarray, b: np.ndarray, reach: float) -> np.ndarray:
     """How deep both places of edges from a to b are in a shape, deeper than their ends, (n, 2)."""
-    flanks = flanking(kinds).flanks
+    flanks = edge_flank_functions(kinds).flanks
 
     @wp.kernel(module="unique", enable_backward=False)
     def find(C: Colliders, a: wp.array(dtype=wp.vec3d), b: wp.array(dtype=wp.vec3d), out: wp.array2d(dtype=wp.float64)):
@@ -87,9 +87,9 @@ def pushed(shapes, kinds: tuple[str, ...], a: np.ndarray, b: np.ndarray, reach: 
         r = wp.float64(reach)
         least = wp.float64(0.0)
         if f.a.u > least:
-            out[i, 0] = wp.max(beneath(f.a.phi, f.ends, r, least), least)
+            out[i, 0] = wp.max(depth_beneath_ends(f.a.phi, f.ends, r, least), least)
         if f.b.u > least:
-            out[i, 1] = wp.max(beneath(f.b.phi, f.ends, r, least), least)
+            out[i, 1] = wp.max(depth_beneath_ends(f.b.phi, f.ends, r, least), least)
     out = wp.zeros((len(a), 2), dtype=wp.float64, device="cpu")
     ends = [wp.array(x, dtype=wp.vec3d, device="cpu") for x in (a, b)]
     wp.launch(find, len(a), [shapes, *ends], [out], device="cpu")

@@ -22,8 +22,8 @@ from tests.physics.rods.rig import (
 )
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Plane, Scene, SceneError
-from wsim.simulation.measure.indicators import report
-from wsim.simulation.report import text
+from wsim.simulation.measure.indicators import make_run_report
+from wsim.simulation.report import report_text
 
 
 def test_a_bent_rod_falls_freely_and_keeps_its_momentum():
@@ -144,10 +144,10 @@ def test_a_run_repeats_to_the_bit_and_goes_on_from_its_file(tmp_path):
     assert loaded.things("Rods")[0] == rods and loaded.things("Rods")[0].pins == rods.pins
 
     def run(output: str, frames: int, restart: str | None = None):
-        from wsim.cli.run import prepare
+        from wsim.cli.run import prepare_recorded_run
         from wsim.simulation.simulation import Simulation
         scene = replace(wsim.load(path), frames=frames)
-        job = prepare(scene, output, lambda s: Simulation(s, device="cpu"), restart=restart)
+        job = prepare_recorded_run(scene, output, lambda s: Simulation(s, device="cpu"), restart=restart)
         job.frames()
         return job.simulation.plan.method("rods").points(0)
 
@@ -238,9 +238,9 @@ def test_a_strand_that_lands_on_a_floor_is_solved_in_four_iterations(speed):
 def test_a_report_counts_points_of_strands_of_all_lengths():
     """It said 1920 rods: 48 strands of the longest one's points."""
     simulation, _ = simulated(on_ball())
-    found = report(simulation)
+    found = make_run_report(simulation)
     assert found["sizes"] == {"rods": 16 * (9 + 20 + 40)}
-    assert text(found).startswith("0 frames of 1104 rod points on cpu")
+    assert report_text(found).startswith("0 frames of 1104 rod points on cpu")
 
 
 def test_what_strands_do_not_feel_is_told():

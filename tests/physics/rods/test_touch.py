@@ -9,8 +9,8 @@ import warp as wp
 import wsim
 from tests.physics.rods.knots import closed, determinant, linking
 from tests.physics.rods.rig import simulated
-from wsim.kernels.rods.together import reduction
-from wsim.physics.rods import shape, together
+from wsim.kernels.rods.coupled_newton import reduction
+from wsim.physics.rods import coupled_newton, shape
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Motion, Scene
 from wsim.simulation.simulation import Simulation
@@ -21,8 +21,8 @@ N, THICK = 17, 0.02
 @wp.kernel(module="reduced", enable_backward=False)
 def reduced(points: wp.array(dtype=int), nodes: wp.array3d(dtype=wp.float64), work: wp.array(dtype=wp.float64),
             r: wp.array2d(dtype=wp.vec4d), most: int, z_out: wp.array2d(dtype=wp.vec4d)):
-    reduction.factor(points, nodes, 0, points.shape[0], most)
-    reduction.solve(points, nodes, work, r, z_out, 0, points.shape[0], most)
+    reduction.factor_cyclic_reduction(points, nodes, 0, points.shape[0], most)
+    reduction.solve_cyclic_reduction(points, nodes, work, r, z_out, 0, points.shape[0], most)
 
 
 def thrown(seed: int = 0, speed: float = 10.0, held: bool = True, on: bool = True, substeps: int = 4) -> tuple[Scene, Rods]:
@@ -161,7 +161,7 @@ def overhand(edge: float) -> np.ndarray:
 def test_a_knot_that_is_pulled_tight_stays_and_tightens():
     x = overhand(0.01)
     n, times = len(x), np.linspace(0.0, 2.5, 41)
-    straight, director = np.zeros_like(x), shape.frames(x[None])[0]
+    straight, director = np.zeros_like(x), shape.director_frames(x[None])[0]
     straight[:, 0] = np.arange(n) * np.linalg.norm(x[1] - x[0])
     scene = Scene(gravity=(0.0, 0.0, 0.0), fps=24.0, substeps=8)
     rods = scene.add(Rods("/rope", x, [n], 0.01, young=1e7, bend=3e-4, twist=3e-4, rest_points=straight, self_collision=True,
@@ -221,9 +221,9 @@ def test_a_block_of_threads_finds_what_a_thread_a_strand_does(far, monkeypatch):
     """Two ropes that are thrown at each other, a short one between them, in two worlds: iterations end at 1e-6 of an edge, 12
     substeps. far: ropes that meet nothing, with which vectors have no room in shared memory. Gradients in the motions of pairs
     that press are those in all points."""
-    def places(team: bool, room: int = together.ROOM) -> tuple[np.ndarray, np.ndarray, float]:
-        monkeypatch.setattr(together, "TEAM", team)
-        monkeypatch.setattr(together, "ROOM", room)
+    def places(team: bool, room: int = coupled_newton.ROOM) -> tuple[np.ndarray, np.ndarray, float]:
+        monkeypatch.setattr(coupled_newton, "TEAM", team)
+        monkeypatch.setattr(coupled_newton, "ROOM", room)
         made, rods = thrown(1, speed=4.0)
         t = np.linspace(0.02, 0.2, 6)
         made.add(Rods("/short", np.stack([t, 0.3 * t, 0.0 * t], axis=1), [6], THICK, young=1e7, self_collision=True))

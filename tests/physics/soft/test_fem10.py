@@ -8,9 +8,9 @@ from tests.make.soft_bar import NU, E, ran
 from tests.make.soft_bar import bar as any_bar
 from tests.make.tet_box import TetBox, bent, turn
 from wsim import Bulk, Scene, Simulation
-from wsim.geometry.tetra.tets import masses
-from wsim.kernels.soft.material import TABLE, lame
-from wsim.model.midnodes import held
+from wsim.geometry.tetra.tets import lumped_tet_masses
+from wsim.kernels.soft.material import TABLE, lame_parameters
+from wsim.model.midnodes import held_with_midnodes
 from wsim.model.model import make_body
 from wsim.physics.motion import frequency
 from wsim.scene.curve import Motion
@@ -95,7 +95,7 @@ def errors(nodes: int, cells: int) -> np.ndarray:
     at, weights = np.polynomial.legendre.leggauss(8)
     places = np.stack(np.meshgrid(at, at, at, indexing="ij"), axis=-1).reshape(-1, 3) * body.points.max(axis=0)
     weights = np.einsum("i,j,k->ijk", weights, weights, weights).ravel() * body.points.max(axis=0).prod()
-    energy = lame(E, NU)[0] * weights @ (smooth(places)[1]**2).sum(axis=(1, 2))               # mu |grad u|^2, symmetric
+    energy = lame_parameters(E, NU)[0] * weights @ (smooth(places)[1]**2).sum(axis=(1, 2))    # mu |grad u|^2, symmetric
     off = np.sqrt(np.mean((found - u)[body.inside]**2) / np.mean(u**2))
     return np.array([body.change(0.0 * u, found) / energy - 1.0, off])
 
@@ -157,7 +157,7 @@ def test_masses_are_those_of_the_author_and_middles_stand_between():
     scene = bar(held=False)
     body, soft = make_body(scene.softs[0], 0, 0, 0), scene.softs[0]
     assert body.masses.sum() == pytest.approx(1e3 * 0.4 * 0.1 * 0.1, rel=1e-6)
-    np.testing.assert_allclose(body.masses[body.index], masses(soft.points, soft.tets, 1e3) / 9.0, rtol=1e-5)
+    np.testing.assert_allclose(body.masses[body.index], lumped_tet_masses(soft.points, soft.tets, 1e3) / 9.0, rtol=1e-5)
     places = body.places + body.origin
     np.testing.assert_allclose(places[body.middles], soft.points[body.ends].mean(axis=1), atol=1e-7)
     soft.masses = np.linspace(1.0, 2.0, len(soft.points), dtype=np.float32)
@@ -174,7 +174,7 @@ def test_what_lies_between_pinned_points_is_held_with_them(stiffness):
     sim.set("/wall", "motion", np.array([[1, 0, 0, 0.01], [0, c, s, 0], [0, -s, c, 0], [0, 0, 0, 1]]))
     sim.run(90)
     body, x = sim.model.bodies[0], sim.state.x.numpy() + sim.model.bodies[0].origin
-    middles = held(body, scene.pins[0].points)[0][len(scene.pins[0].points):]
+    middles = held_with_midnodes(body, scene.pins[0].points)[0][len(scene.pins[0].points):]
     rest = body.rest - body.rest.mean(axis=0)
     assert len(middles) == 5 and (points_held(sim) == (len(middles) + 4 if stiffness == np.inf else 0))
     wanted = rest @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) + (0.01, 0.0, 0.0)
@@ -189,7 +189,7 @@ def test_explicit_steps_go_where_implicit_ones_go():
     """Both of second order; frequencies of the bound keep leapfrog stable."""
     scene = bar(solver="explicit", integrator="leapfrog", substeps=100)
     fast, slow = ran(scene, 15), ran(bar(integrator="bdf2", substeps=24, iterations=2), 15)
-    assert 1.0 < frequency.bound(fast.model)[0] / frequency.estimate(fast.model) < 1.4
+    assert 1.0 < frequency.frequency_bound(fast.model)[0] / frequency.frequency_estimate(fast.model) < 1.4
     assert np.sqrt(np.mean(np.sum((fast.positions() - slow.positions())**2, axis=1))) < 1e-4
 
 

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.math.eigen import eigen
+from wsim.kernels.math.eigen import eigen_three
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import rotation
-from wsim.kernels.soft.material import TABLE, corotational_response, lame, twist
-from wsim.kernels.soft.principal import response
+from wsim.kernels.math.rotation import polar_rotation
+from wsim.kernels.soft.material import TABLE, corotational_response, lame_parameters, twist_stiffness
+from wsim.kernels.soft.principal import stress_response
 
 wp.config.quiet = True
 NAMES = sorted(TABLE)
 TURNING = [name for name in NAMES if TABLE[name].turns]
-MU, LAM = lame(1.0, 0.4)                          # [Pa]: stresses below are in units of E
+MU, LAM = lame_parameters(1.0, 0.4)               # [Pa]: stresses below are in units of E
 ONE = np.eye(3)
 EPS = {wp.float32: 2.0**-23, wp.float64: 2.0**-52}
 
@@ -23,7 +23,7 @@ def rotator(real):
 
     def turn_all(H: wp.array(dtype=t.mat33), warm: wp.array(dtype=t.quat), q: wp.array(dtype=t.quat)):
         i = wp.tid()
-        q[i] = rotation(H[i], warm[i])
+        q[i] = polar_rotation(H[i], warm[i])
 
     kernel = wp.kernel(turn_all, name=f"turn_{t.name}", module=f"test_turn_{t.name}", enable_backward=False)
 
@@ -53,7 +53,7 @@ def evaluator(name, real):
         P[i] = stress(H[i], q[i], mu, lam)
         dP[i] = derivative(H[i], q[i], dF[i], mu, lam)
         V, A, B = spectrum(H[i], q[i], mu, lam)
-        positive[i] = response(q[i], V, A, B, dF[i])
+        positive[i] = stress_response(q[i], V, A, B, dF[i])
 
     kernel = wp.kernel(evaluate, name=f"material_{name}_{t.name}", module=f"test_material_{t.name}", enable_backward=False)
 
@@ -189,8 +189,8 @@ def test_twist_form_of_corotational_equals_the_common_one():
     def short(H: wp.array(dtype=t.mat33), dF: wp.array(dtype=t.mat33), mu: wp.float64, lam: wp.float64,
               dP: wp.array(dtype=t.mat33)):
         i = wp.tid()
-        q = rotation(H[i], t.quat())
-        dP[i] = corotational_response(q, twist(H[i], q, mu, lam, wp.float64(0.0)), dF[i], mu, lam)
+        q = polar_rotation(H[i], t.quat())
+        dP[i] = corotational_response(q, twist_stiffness(H[i], q, mu, lam, wp.float64(0.0)), dF[i], mu, lam)
 
     F = samples()
     dF = np.random.default_rng(4).normal(size=F.shape)
@@ -226,7 +226,7 @@ def test_a_turned_body_is_free_of_stress(name, real):
 def test_small_strain_has_the_modulus_and_the_ratio_that_were_asked_for(name, nu):
     """A bar pulled by 1e-7 with its sides free: the strain across follows from P = 0 there, by Newton."""
     E = 2.5e6
-    mu, lam = lame(E, nu)
+    mu, lam = lame_parameters(E, nu)
     H, e = np.diag([1e-7, 0.0, 0.0]), 1e-7                  # departs from the limit by about 3 e, and P by 1e-16 E / e
     run = EVALUATORS[name, wp.float64]
     for _ in range(3):
@@ -273,7 +273,7 @@ def degenerate():
 def test_every_state_gives_finite_numbers(name, real, scale):
     F = scale * np.concatenate([degenerate(), samples(), [np.diag([-1.0, -1.0, -1.0]), 3 * np.ones((3, 3))]])
     dF = np.random.default_rng(9).normal(size=F.shape)
-    for mu, lam in (lame(1.0, 0.3), lame(1e9, 0.499)):
+    for mu, lam in (lame_parameters(1.0, 0.3), lame_parameters(1e9, 0.499)):
         assert all(np.isfinite(a).all() for a in EVALUATORS[name, real](F - ONE, dF, mu, lam))
 
 
@@ -295,7 +295,7 @@ def test_neo_hookean_pressed_to_a_point_opens():
                                        (1.0, float("nan"))])
 def test_moduli_of_no_solid_are_refused(E, nu):
     with pytest.raises(ValueError, match="nu is" if E == 1.0 else "E is"):
-        lame(E, nu)
+        lame_parameters(E, nu)
 
 
 def matrix(q):
@@ -353,7 +353,7 @@ def test_eigenvectors_restore_the_matrix_whatever_its_gaps(real):
 
     @wp.kernel(module="unique", enable_backward=False)
     def decompose(A: wp.array(dtype=t.mat33), d: wp.array(dtype=t.vec3), V: wp.array(dtype=t.mat33)):
-        values, vectors = eigen(A[wp.tid()])
+        values, vectors = eigen_three(A[wp.tid()])
         d[wp.tid()] = values
         V[wp.tid()] = vectors
 

@@ -130,7 +130,7 @@ def test_a_restart_and_a_repeated_frame_go_on_bit_for_bit(solver, integrator):
     assert np.array_equal(second.positions(), whole.positions())
     first.plan.before_frame(first.time)
     first.plan.frame()                                    # a frame that does not hold
-    first.state.restore()
+    first.state.restore_snapshot()
     first.run(3)
     assert np.array_equal(first.positions(), whole.positions())
     first.reset()

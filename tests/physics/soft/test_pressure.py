@@ -6,9 +6,9 @@ import warp as wp
 
 from tests.make.soft_bar import bar, ran, settled, spin
 from wsim import Bulk, Scene, Simulation
-from wsim.geometry.primitives import sphere
+from wsim.geometry.primitives import sphere_outline
 from wsim.kernels.math.real import types
-from wsim.kernels.soft.material import lame
+from wsim.kernels.soft.material import lame_parameters
 from wsim.kernels.solver import line_search
 from wsim.scene import shapes
 
@@ -17,7 +17,7 @@ E, NU, RHO, P = 1e5, 0.3, 1e3, 5e3
 
 def shell(inner: float, outer: float, layers: int, sides: int) -> tuple[np.ndarray, np.ndarray]:
     """A hollow ball: triangles of a ball as prisms between radii, each three tets (split by the order of its points)."""
-    unit, triangles = sphere(1.0, sides)
+    unit, triangles = sphere_outline(1.0, sides)
     n, radii = len(unit), np.geomspace(inner, outer, layers + 1)
     points = (radii[:, None, None] * unit).reshape(-1, 3)
     a, b, c = np.sort(triangles, axis=1).T
@@ -69,7 +69,7 @@ def test_forces_are_minus_the_gradient_of_the_potential_and_the_line_search_know
     slope = P * (enclosed(x + d + h * y, triangles) - enclosed(x + d - h * y, triangles)) / (2.0 * h)
     assert np.sum(force * y) == pytest.approx(slope, rel=1e-7)
 
-    trial = line_search.Trial()
+    trial = line_search.LineSearchTrial()
     trial.first, trial.lanes, trial.begin, trial.end = table.first, 1, 1, 4
     trial.step = wp.array([-1.0], dtype=wp.float64, device="cpu")
     trial.change = wp.zeros((1, 9), dtype=wp.float64, device="cpu")
@@ -86,7 +86,7 @@ def test_a_block_swells_as_its_bulk_modulus_says(quadratic):
     scene = free(points, tets)
     scene.softs[0].quadratic = quadratic
     sim = settled(scene, precision="float64")
-    mu, lam = lame(E, NU)
+    mu, lam = lame_parameters(E, NU)
     roots = np.roots([P, 2.0 * P - (2.0 * mu + 3.0 * lam), P])
     e = roots[np.abs(roots).argmin()].real
     assert e == pytest.approx((1.0 - 2.0 * NU) * P / E, rel=0.05)

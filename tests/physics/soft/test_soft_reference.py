@@ -11,13 +11,13 @@ from tools.bench.soft.problem import FRAME, Beam, oscillation  # noqa: E402
 from tools.bench.soft.reference import Solid, exact, frequencies, rest  # noqa: E402
 from tools.bench.soft.runs import measured  # noqa: E402
 from wsim.geometry.tetra import tets  # noqa: E402
-from wsim.geometry.tetra.lattice import box  # noqa: E402
+from wsim.geometry.tetra.lattice import tet_box  # noqa: E402
 
 MU, LAM, E, NU = 1.0, 1.5, 2.6, 0.3
 
 
 def clamped(size, cells, **more) -> Solid:
-    points, elements = box(size, cells)
+    points, elements = tet_box(size, cells)
     return Solid(points, elements, np.flatnonzero(np.isclose(points[:, 0], -0.5 * size[0])), **more)
 
 
@@ -76,7 +76,7 @@ def test_the_forces_of_a_body_are_minus_its_slope_and_its_tangent_their_change(m
 
 def test_masses_are_those_of_the_product():
     solid = clamped((0.3, 0.2, 0.2), (3, 2, 2), density=700.0)
-    assert np.allclose(solid.masses, tets.masses(solid.points, solid.tets, 700.0), rtol=1e-14)
+    assert np.allclose(solid.masses, tets.lumped_tet_masses(solid.points, solid.tets, 700.0), rtol=1e-14)
     assert np.isclose(solid.masses.sum(), 700.0 * 0.3 * 0.2 * 0.2, rtol=1e-14)
 
 
@@ -92,7 +92,7 @@ def test_at_rest_the_clamp_carries_the_weight(model):
 
 
 def test_nothing_holds_a_body_without_pins():
-    points, elements = box((0.2, 0.1, 0.1), (2, 1, 1))
+    points, elements = tet_box((0.2, 0.1, 0.1), (2, 1, 1))
     free = Solid(points, elements, np.zeros(0, int))
     with pytest.raises(RuntimeError, match="of the weight"):
         rest(free, most=5)

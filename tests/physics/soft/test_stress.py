@@ -6,7 +6,7 @@ import pytest
 from tests.cli.test_cli import run
 from tests.make.tet_box import turn
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation
-from wsim.kernels.soft.material import lame
+from wsim.kernels.soft.material import lame_parameters
 from wsim.scene import shapes
 from wsim.usd import save
 
@@ -27,7 +27,7 @@ def deformed(scene: Scene, F: np.ndarray) -> Simulation:
 
 def of_stretches(model: str, s: np.ndarray) -> float:
     """Von Mises stress [Pa] of the principal stresses sigma_i = s_i dPsi/ds_i / J, by differences of the energy."""
-    mu, lam = lame(E, NU)
+    mu, lam = lame_parameters(E, NU)
 
     def energy(s):
         if model == "corotational":

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim import Bulk, Scene, Simulation
-from wsim.kernels.soft.material import lame
+from wsim.kernels.soft.material import lame_parameters
 from wsim.physics.soft import stored
 from wsim.physics.soft.volume import LOST
 from wsim.scene import shapes
@@ -47,7 +47,7 @@ def test_lost_volume_is_that_of_a_uniform_stretch_by_both_laws(nu, quadratic):
     method.look(sim.plan.clock)
     sim.plan.status.fetch()
     found = sim.plan.status.said(LOST)
-    mu, lam = lame(YOUNG, nu)
+    mu, lam = lame_parameters(YOUNG, nu)
     p, low, high = pressure("corotational", s, mu, lam), 0.5, 1.5
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -313,7 +313,7 @@ def test_worlds_and_repeated_frames_do_what_a_single_run_does():
         alone.step()
         many.step()
         if frame == 3:
-            many.state.restore()                                              # as a frame that is repeated
+            many.state.restore_snapshot()                                     # as a frame that is repeated
             many.frame -= 1
             many.step()
     for path in ("/cloth", "/springs"):

@@ -4,7 +4,7 @@ stretch and bending, and end where the sum is less than where they began."""
 import numpy as np
 import pytest
 
-from tests.physics.selfcontact.rig import crossed, run, said
+from tests.physics.contact.selfcontact.rig import crossed, run, said
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Motion, Plane, Scene, Sphere, shapes
 from wsim.scene.fabric import fabric

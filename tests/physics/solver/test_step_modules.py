@@ -50,7 +50,7 @@ SUMS = {"curvature"}     # of hinges at an edge, which forces that are weighed o
 
 @pytest.mark.parametrize("model", SAME)
 def test_a_scene_adds_no_kernel_to_a_module_that_another_has_filled(model, monkeypatch):
-    monkeypatch.setattr(assembly, "module_of", lambda model, what: "_".join(("test_step", *sorted(what))))
+    monkeypatch.setattr(assembly, "newton_module", lambda model, what: "_".join(("test_step", *sorted(what))))
     ways = SAME[model]
     names = [made(sheet(model, **way)).model.step for way in ways]
     first, *others = set(names)

@@ -32,7 +32,7 @@ def left(seam: float, substeps: int, iterations: int) -> tuple[float, float]:
     """Largest strain at rest, and what is expected."""
     sim = Simulation(hung(seam, substeps, iterations), device="cpu", precision="float64")
     sim.run()
-    lag = sweep_strain.lag(sim.model, errors.falls(sim.model))
+    lag = sweep_strain.sweep_lag(sim.model, errors.falling_bodies(sim.model))
     return sim.indicators()["max_strain"], lag / (24.0 * substeps)**2 / iterations
 
 
@@ -65,14 +65,16 @@ def test_no_seam_tears_where_triangles_of_1_to_62_carry_a_cloth(substeps, iterat
     sim = Simulation(draped(1e-3, substeps=substeps, iterations=iterations, solver="xpbd"), device="cpu")
     worst = []
     sim.run(24, lambda s: worst.append(s.indicators()["max_strain"]))
-    assert max(worst) < 10.0 * sweep_strain.lag(sim.model, errors.falls(sim.model)) / (24.0 * substeps)**2 / iterations
+    assert max(worst) < 10.0 * sweep_strain.sweep_lag(sim.model,
+                                                      errors.falling_bodies(sim.model)) / (24.0 * substeps)**2 / iterations
 
 
 def test_auto_takes_the_substeps_that_a_seam_needs():
     """A millimetre: with the substeps that its motion alone needs, the seam is strained by more than `auto` lets sweeps leave
     there, ten times the wanted error of 1 %."""
     sim = Simulation(replace(hung(1e-3, 10, 1), solver="auto", integrator="auto"), device="cpu")
-    lag, n, why = sweep_strain.lag(sim.model, errors.falls(sim.model)), sim.plan.choice.substeps, sim.plan.choice.why
+    lag, n, why = (sweep_strain.sweep_lag(sim.model, errors.falling_bodies(sim.model)), sim.plan.choice.substeps,
+                   sim.plan.choice.why)
     assert sim.plan.choice.solver == "xpbd" and lag / (24.0 * n)**2 <= 0.1 < lag / (24.0 * n / 1.04)**2
     before = Simulation(hung(1e-3, int(why.split(" (")[-1].split()[0]), 1), device="cpu")
     for run in (sim, before):
@@ -86,6 +88,6 @@ def test_a_cloth_of_even_cells_takes_no_more_substeps_than_its_motion_needs():
     stiff = replace(cotton, stretch=100.0 * cotton.stretch, shear=100.0 * cotton.shear)
     scene.pin("/pin", scene.cloth("/cloth", *sheet(1.0, 1.0, 32, 32), material=stiff), range(33))
     sim = Simulation(scene, device="cpu")
-    lag = sweep_strain.lag(sim.model, errors.falls(sim.model))
+    lag = sweep_strain.sweep_lag(sim.model, errors.falling_bodies(sim.model))
     assert sim.plan.choice.solver == "xpbd" and "in its edges" not in sim.plan.choice.why
     assert lag == pytest.approx(3.5 * 9.81 * 32**2, rel=0.35)

@@ -6,12 +6,12 @@ import warp as wp
 
 from tests.make.equations import EQUATIONS
 from wsim.kernels.cloth.constraint import DISTANCE, LIMIT
-from wsim.kernels.cloth.energy import statistics
+from wsim.kernels.cloth.energy import strain_statistics_kernel
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
-from wsim.kernels.motion.points import states
-from wsim.kernels.solver.xpbd import projection
-from wsim.model.structs import filled
+from wsim.kernels.motion.points import point_states
+from wsim.kernels.solver.xpbd import xpbd_projection_kernel
+from wsim.model.structs import fill_struct
 
 wp.config.quiet = True
 REALS = [wp.float32, wp.float64]
@@ -24,7 +24,7 @@ class Problem:
     def __init__(self, name, points, ids, rest, alpha, w, real=wp.float64, tau=0.0, **options):
         t = types(real)
         self.real, self.t, self.m = real, t, len(ids)
-        self.Batch, self.kernel = projection(EQUATIONS[name], real=real, **options)
+        self.Batch, self.kernel = xpbd_projection_kernel(EQUATIONS[name], real=real, **options)
         block = EQUATIONS[name].rows == 3
         self.lam = self.array(np.zeros((self.m, 3) if block else self.m), t.vec3 if block else real)
         b = self.batch = self.Batch()
@@ -43,7 +43,7 @@ class Problem:
     def at(self, d):
         """Without None, which Warp's own tape does not take."""
         none = dict.fromkeys("evsu", self.array(np.zeros((0, 3)), self.t.vec3)) | {"struck": self.array([], self.real)}
-        return filled(states(self.real), **none | {"x": self.x, "d": d, "a": self.a})
+        return fill_struct(point_states(self.real), **none | {"x": self.x, "d": d, "a": self.a})
 
     def project(self, times=1, rate=1.0, d=None, count=None):
         """Projects in place, `count` constraints at once (1: each its own colour); returns d."""
@@ -247,7 +247,7 @@ def test_hinge_unfolds_to_its_rest_angle():
 def measured(problem, name, threads=3, **options):
     """(largest strain, sum of squared strains, energy) by the kernel, reduced on the host."""
     out = wp.zeros(threads, dtype=wp.vec3d, device="cpu")
-    wp.launch(statistics(EQUATIONS[name], real=problem.real, **options), threads,
+    wp.launch(strain_statistics_kernel(EQUATIONS[name], real=problem.real, **options), threads,
               [problem.batch, problem.x, problem.m, 1, problem.d], [out], device="cpu")
     s = out.numpy()
     return s[:, 0].max(), s[:, 1].sum(), s[:, 2].sum()
@@ -307,4 +307,4 @@ def test_recorded_projection_has_the_right_gradient(name):
 
 def test_structs_of_one_shape_are_shared():
     assert batch_of(DISTANCE, wp.float32) is batch_of(LIMIT, wp.float32)
-    assert projection(DISTANCE, real=wp.float32) is projection(DISTANCE, real=wp.float32)
+    assert xpbd_projection_kernel(DISTANCE, real=wp.float32) is xpbd_projection_kernel(DISTANCE, real=wp.float32)

@@ -9,9 +9,9 @@ import warp as wp
 from tests.conftest import first_and_slow
 from tests.gradient.test_gradients import Run, everything_of_a_sheet, net, sheet
 from wsim.gradient.recording import Recording
-from wsim.kernels.motion.points import states
-from wsim.kernels.solver.xpbd import projection
-from wsim.model.structs import filled
+from wsim.kernels.motion.points import point_states
+from wsim.kernels.solver.xpbd import xpbd_projection_kernel
+from wsim.model.structs import fill_struct
 from wsim.physics.solver import batch, xpbd_adjoint
 from wsim.scene import Pin
 from wsim.simulation.simulation import Simulation
@@ -114,8 +114,8 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
 
     def __init__(self, batch, model):
         super().__init__(batch, model)
-        self.fresh = projection(batch.row.equation, real=model.real, module=model.module, multipliers=True, damped=batch.damped,
-                                backward=True)[1]
+        self.fresh = xpbd_projection_kernel(batch.row.equation, real=model.real, module=model.module, multipliers=True,
+                                            damped=batch.damped, backward=True)[1]
 
     def record(self, tape, x, a, d, clock):
         b = self.batch
@@ -124,7 +124,7 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
             return
         if clock.i == 0:
             tape.zero(b.lam)
-        at = filled(states(self.model.real), x=x, d=d, a=a)
+        at = fill_struct(point_states(self.model.real), x=x, d=d, a=a)
         for first, last in zip(b.starts[:-1], b.starts[1:], strict=True):
             tape.launch(self.fresh, int(last - first), [b.data, at, int(first), 1.0 / clock.g, b.omega(clock), b.lam],
                         [d, b.lam], device=self.model.device)

@@ -6,12 +6,12 @@ import pytest
 from tests.conftest import first_and_slow
 from tests.scene.curve.test_motion import made
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.curve.arc import Arc, evenly
+from wsim.scene.curve.arc import ArcLength, evenly
 
 
 def test_the_length_of_a_parabola_is_its_closed_form():
     """p = (t, t^2) on 0 .. 1 as one Hermite piece: sqrt(5) / 2 + asinh(2) / 4."""
-    arc = Arc(Curve([0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], "hermite", leave=[[1.0, 0.0], [1.0, 2.0]]))
+    arc = ArcLength(Curve([0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], "hermite", leave=[[1.0, 0.0], [1.0, 2.0]]))
     assert arc.whole == pytest.approx(np.sqrt(5) / 2 + np.arcsinh(2) / 4, rel=1e-10)
     t = arc.time([0.3 * arc.whole])[0]
     assert (t * np.sqrt(1 + 4 * t * t) + np.arcsinh(2 * t) / 2) / 2 == pytest.approx(0.3 * arc.whole, rel=1e-9)
@@ -21,7 +21,7 @@ def test_the_length_of_a_parabola_is_its_closed_form():
 def test_an_even_path_has_gone_as_far_as_time_to_1e_6_of_the_whole(kind):
     rng = np.random.default_rng(3)
     path = Curve(np.array([0.0, 0.4, 2.0, 2.3, 5.0]), rng.normal(size=(5, 3)), kind)
-    even, arc = evenly(path), Arc(path)
+    even, arc = evenly(path), ArcLength(path)
     t = np.linspace(0.0, 5.0, 1001)
     far = np.linalg.norm(even.sampled(t) - arc.at(arc.whole * t / 5.0), axis=1)
     assert far.max() < 1e-6 * arc.whole
@@ -37,7 +37,7 @@ def test_an_even_path_has_gone_as_far_as_time_to_1e_6_of_the_whole(kind):
 @pytest.mark.slow
 def test_a_motion_goes_along_with_its_turns_at_a_given_pace():
     motion, pace = made("catmull_rom", alpha=0.5), Curve([0.0, 3.0], [0.0, 1.0], "eased", easing="ease-in-out")
-    even, arc = evenly(motion, pace), Arc(motion)
+    even, arc = evenly(motion, pace), ArcLength(motion)
     t = np.linspace(0.0, 3.0, 301)
     at = arc.time(arc.whole * pace.sampled(t))
     assert isinstance(even, Motion)
@@ -47,7 +47,7 @@ def test_a_motion_goes_along_with_its_turns_at_a_given_pace():
 
 
 @pytest.mark.parametrize("wrong", [
-    lambda: Arc(Curve([0.0], [[0.0, 1.0]])), lambda: Arc(Curve([0.0, 1.0], [[1.0, 1.0], [1.0, 1.0]])),
+    lambda: ArcLength(Curve([0.0], [[0.0, 1.0]])), lambda: ArcLength(Curve([0.0, 1.0], [[1.0, 1.0], [1.0, 1.0]])),
     lambda: evenly(made("linear"), Curve([0.0, 1.0], [0.0, 2.0]))])
 def test_what_has_no_length_or_leaves_its_path_is_refused(wrong):
     with pytest.raises(ValueError, match=r"a path needs two keys|from 0 to 1"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim.scene import Scene, SceneError, Varying, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
@@ -19,7 +19,7 @@ def scene(curve: Curve, name: str = "bend") -> Scene:
 
 
 def fatal(made: Scene) -> str:
-    return "\n".join(p.text for p in check(made) if p.fatal)
+    return "\n".join(p.text for p in check_scene(made) if p.fatal)
 
 
 STEP = [1e-4, 1e-6, 1e-6, 1e-4]

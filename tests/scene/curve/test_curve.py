@@ -5,7 +5,7 @@ import pytest
 from pxr import Gf, Ts
 
 from wsim.scene.curve import Curve
-from wsim.scene.curve.easing import CSS, FAMILIES, NAMES, eased
+from wsim.scene.curve.easing import CSS, FAMILIES, NAMES, ease_fractions
 
 RULES = (lambda t, v: Curve(t, v, "catmull_rom"), lambda t, v: Curve(t, v, "catmull_rom", alpha=0.5),
          lambda t, v: Curve(t, v, "kochanek_bartels", tension=0.3, bias=-0.4, continuity=0.2),
@@ -135,10 +135,10 @@ def test_one_key_is_a_constant():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_easing_begins_at_0_ends_at_1_and_its_rate_is_the_derivative(name):
-    assert eased(name, [0.0, 1.0])[0] == pytest.approx([0.0, 1.0], abs=1e-15)
+    assert ease_fractions(name, [0.0, 1.0])[0] == pytest.approx([0.0, 1.0], abs=1e-15)
     s, h = np.linspace(0.0, 1.0, 1999)[100:-100], 1e-6
-    slope = (eased(name, s + h)[0] - eased(name, s - h)[0]) / (2 * h)
-    wrong = np.abs(slope - eased(name, s)[1]) > 1e-7 * np.maximum(1.0, np.abs(slope)) ** 3      # steep: differences err
+    slope = (ease_fractions(name, s + h)[0] - ease_fractions(name, s - h)[0]) / (2 * h)
+    wrong = np.abs(slope - ease_fractions(name, s)[1]) > 1e-7 * np.maximum(1.0, np.abs(slope)) ** 3  # steep: differences err
     assert wrong.sum() <= 3                                    # corners of bounce and of halves
 
 
@@ -151,28 +151,30 @@ def test_css_eases_are_their_beziers():
                 u = 0.5 * (low + high)
                 x = 3 * u * (1 - u) ** 2 * x1 + 3 * u * u * (1 - u) * x2 + u ** 3
                 low, high = (u, high) if x < s else (low, u)
-            assert eased(name, s)[0] == pytest.approx(3 * u * (1 - u) ** 2 * y1 + 3 * u * u * (1 - u) * y2 + u ** 3, abs=1e-12)
-    assert eased("ease", [0.25, 0.5, 0.75])[0] == pytest.approx([0.408511, 0.802403, 0.960459], abs=5e-7)
-    steep, near = eased((0.0, 0.3, 0.0, 1.0), [1e-9, 0.5])[0], eased((1e-13, 0.3, 1e-13, 1.0), [1e-9, 0.5])[0]
+            assert ease_fractions(name, s)[0] == pytest.approx(3 * u * (1 - u) ** 2 * y1 + 3 * u * u * (1 - u) * y2 + u ** 3,
+                                                               abs=1e-12)
+    assert ease_fractions("ease", [0.25, 0.5, 0.75])[0] == pytest.approx([0.408511, 0.802403, 0.960459], abs=5e-7)
+    steep, near = ease_fractions((0.0, 0.3, 0.0, 1.0), [1e-9, 0.5])[0], ease_fractions((1e-13, 0.3, 1e-13, 1.0), [1e-9, 0.5])[0]
     assert steep == pytest.approx(near, abs=1e-6)
 
 
 def test_forms_of_a_family_mirror_each_other():
     s = np.linspace(0, 1, 101)
     for family in FAMILIES:
-        np.testing.assert_allclose(eased(f"{family}-out", s)[0], 1 - eased(f"{family}-in", 1 - s)[0], atol=1e-15)
-        half = eased(f"{family}-in-out", s)[0]
+        np.testing.assert_allclose(ease_fractions(f"{family}-out", s)[0], 1 - ease_fractions(f"{family}-in", 1 - s)[0],
+                                   atol=1e-15)
+        half = ease_fractions(f"{family}-in-out", s)[0]
         np.testing.assert_allclose(half, 1 - half[::-1], atol=1e-12)
-    assert eased("back-in", s)[0].min() == pytest.approx(-0.1, abs=1e-4)
-    bounces = eased("bounce-out", np.linspace(0, 1, 100001))[0]
+    assert ease_fractions("back-in", s)[0].min() == pytest.approx(-0.1, abs=1e-4)
+    bounces = ease_fractions("bounce-out", np.linspace(0, 1, 100001))[0]
     assert bounces[36363] == pytest.approx(1.0, abs=1e-4)      # first touch at 1 / 2.75
 
 
 def test_unknown_easings_and_handles_that_go_back_in_time_are_refused():
     with pytest.raises(ValueError, match="no easing is called 'fast'"):
-        eased("fast", 0.5)
+        ease_fractions("fast", 0.5)
     with pytest.raises(ValueError, match="x in 0"):
-        eased((1.2, 0.0, 0.5, 1.0), 0.5)
+        ease_fractions((1.2, 0.0, 0.5, 1.0), 0.5)
 
 
 def test_a_bezier_of_usd_is_hermite_with_handles_of_a_third():

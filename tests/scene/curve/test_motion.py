@@ -14,7 +14,7 @@ OUTSIDE = ["held", "linear", "repeat", "reset", "oscillate"]
 
 def keys(seed=0, n=5):
     rng = np.random.default_rng(seed)
-    q = rotation.normalized(rng.normal(size=(n, 4)))
+    q = rotation.unit_quat(rng.normal(size=(n, 4)))
     return np.cumsum(rng.uniform(0.4, 1.3, n)), rng.normal(size=(n, 3)), q
 
 
@@ -114,6 +114,6 @@ def test_many_times_at_once_are_one_after_the_other_to_the_bit(turns):
     rng = np.random.default_rng(turns)
     q = rng.normal(size=(5, 4))
     q[:5 - turns] = q[0]
-    motion = Motion.through(np.cumsum(rng.uniform(0.1, 1.0, 5)), rng.normal(size=(5, 3)), rotation.normalized(q), "linear")
+    motion = Motion.through(np.cumsum(rng.uniform(0.1, 1.0, 5)), rng.normal(size=(5, 3)), rotation.unit_quat(q), "linear")
     t = np.append(rng.uniform(-1.0, 5.0, 40), motion.times)
     np.testing.assert_array_equal(motion.sampled(t), np.stack([motion.at(one) for one in t]))

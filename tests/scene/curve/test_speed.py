@@ -5,9 +5,9 @@ import pytest
 
 from tests.conftest import first_and_slow
 from wsim.geometry import rotation
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.scene.curve import Curve, Motion, Part, Stack
-from wsim.scene.curve.speed import Straight, fastest
+from wsim.scene.curve.speed import LinearMotion, motion_speed_bounds
 
 TIMES = np.array([0.0, 0.1, 0.25, 0.3, 0.5])
 FRAMES = np.linspace(-0.049, 0.601, 27)              # some have a key inside, some are before the first or behind the last
@@ -26,7 +26,7 @@ def keys(seed: int, turn: float = 0.7) -> np.ndarray:
     M[:, :3, 3] = rng.uniform(-1.0, 1.0, (5, 3))
     for each in M:
         axis = rng.normal(size=3)
-        each[:3, :3] = about_axis(axis / np.linalg.norm(axis), rng.uniform(-turn, turn))
+        each[:3, :3] = axis_rotation_matrix(axis / np.linalg.norm(axis), rng.uniform(-turn, turn))
     return M
 
 
@@ -35,7 +35,7 @@ def smooth(seed: int) -> np.ndarray:
     M, s = keys(seed), TIMES / TIMES[-1]
     M[:, :3, 3] = np.stack([np.cos(3.0 * s + seed), np.sin(3.0 * s + seed), s], axis=1)
     for each, t in zip(M, s, strict=True):
-        each[:3, :3] = about_axis(np.array([0.0, np.sin(0.5 * t), np.cos(0.5 * t)]), t)
+        each[:3, :3] = axis_rotation_matrix(np.array([0.0, np.sin(0.5 * t), np.cos(0.5 * t)]), t)
     return M
 
 
@@ -54,10 +54,11 @@ def moved(motion: Motion, at=AT) -> tuple[np.ndarray, np.ndarray]:
     far, fast = [], []
     for a, b in zip(FRAMES[:-1], FRAMES[1:], strict=True):
         M = motion.sampled(np.linspace(a, b, FINE + 1))
-        x, q = M[:, :3, :3] @ at + M[:, :3, 3], rotation.quaternion(M[:, :3, :3] / np.cbrt(np.linalg.det(M[0, :3, :3])))
+        x, q = M[:, :3, :3] @ at + M[:, :3, 3], rotation.matrix_quat(M[:, :3, :3] / np.cbrt(np.linalg.det(M[0, :3, :3])))
 
         def angle(p, r):
-            return 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(rotation.multiply(rotation.conjugate(p), r)[:, :3], axis=1)))
+            return 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(rotation.quat_product(rotation.quat_conjugate(p), r)[:, :3],
+                                                                  axis=1)))
         far.append([np.linalg.norm(x - x[0], axis=1).max(), angle(q, np.repeat(q[:1], FINE + 1, 0)).max()])
         step = FINE / (b - a)
         fast.append([np.linalg.norm(np.diff(x, axis=0), axis=1).max() * step, angle(q[:-1], q[1:]).max() * step])
@@ -69,10 +70,10 @@ def moved(motion: Motion, at=AT) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("seed", first_and_slow(range(3)))
 def test_no_pose_leaves_its_bounds(kind, side, seed):
     motion = Motion(TIMES, keys(seed), kind, side, side, **KINDS[kind])
-    bound, (far, fast) = fastest(motion, FRAMES, AT), moved(motion)
+    bound, (far, fast) = motion_speed_bounds(motion, FRAMES, AT), moved(motion)
     assert (bound[:, :2] >= far - 1e-6).all() and (bound[:, 2:] >= fast * (1.0 - 1e-6) - 1e-6).all()
     speeds = np.linalg.norm(motion.velocities(np.linspace(-0.049, 0.601, 26 * FINE))[0], axis=1).reshape(26, FINE).max(axis=1)
-    assert (fastest(motion, FRAMES, np.zeros(3))[:, 2] >= speeds * (1.0 - 1e-9)).all()
+    assert (motion_speed_bounds(motion, FRAMES, np.zeros(3))[:, 2] >= speeds * (1.0 - 1e-9)).all()
 
 
 @pytest.mark.parametrize("kind", ["linear", "catmull_rom", "kochanek_bartels", "monotone"])
@@ -80,7 +81,7 @@ def test_bounds_of_smooth_ways_are_near_what_they_bound(kind):
     """Slerps have theirs exactly; frames are as long as half of a piece, over which a parabola's middle control point stands
     out, and squad's turns are bounded one by one."""
     motion = Motion(TIMES, smooth(0), kind)
-    bound, (far, fast) = fastest(motion, FRAMES, np.zeros(3)), moved(motion, np.zeros(3))
+    bound, (far, fast) = motion_speed_bounds(motion, FRAMES, np.zeros(3)), moved(motion, np.zeros(3))
     moves = fast[:, 1] > 0.0
     np.testing.assert_array_less(bound[moves], 1.3 * np.concatenate([far, fast], axis=1)[moves])
     if kind == "linear":
@@ -89,7 +90,7 @@ def test_bounds_of_smooth_ways_are_near_what_they_bound(kind):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_stack_stays_within_the_bounds_of_its_parts(seed):
-    bound, (far, fast) = fastest(stack(seed), FRAMES, AT), moved(stack(seed))
+    bound, (far, fast) = motion_speed_bounds(stack(seed), FRAMES, AT), moved(stack(seed))
     assert (bound[:, :2] >= far - 1e-6).all() and (bound[:, 2:] >= fast * (1.0 - 1e-6) - 1e-6).all()
     assert (bound[:, 2:].max(axis=0) < 6.0 * fast.max(axis=0)).all()                   # as if all moved the same way
 
@@ -98,23 +99,23 @@ def test_a_stack_stays_within_the_bounds_of_its_parts(seed):
 def test_linear_keys_are_summed_to_the_same(count):
     """Also where several keys are in a frame, or none; and poses are those of the matrices."""
     motion = Motion(TIMES[:count], keys(3)[:count])
-    line = Straight(motion)
+    line = LinearMotion(motion)
     for t in (FRAMES, np.linspace(-0.3, 0.9, 7), np.array([-2.0, 3.0]), np.array([0.0, 0.1, 0.3])):
-        np.testing.assert_allclose(line.fastest(t, AT)[:, :2], fastest(motion, t, AT)[:, :2], atol=1e-12)
-        assert (line.fastest(t, AT)[:, 2:] >= fastest(motion, t, AT)[:, 2:] - 1e-12).all()
+        np.testing.assert_allclose(line.fastest(t, AT)[:, :2], motion_speed_bounds(motion, t, AT)[:, :2], atol=1e-12)
+        assert (line.fastest(t, AT)[:, 2:] >= motion_speed_bounds(motion, t, AT)[:, 2:] - 1e-12).all()
         p, q = line.at(t)
-        np.testing.assert_allclose(rotation.matrix(q), motion.sampled(t)[:, :3, :3], atol=1e-14)
+        np.testing.assert_allclose(rotation.quaternion_to_matrix(q), motion.sampled(t)[:, :3, :3], atol=1e-14)
         np.testing.assert_allclose(p, motion.sampled(t)[:, :3, 3], atol=1e-14)
     if count == 5:
         inside = np.linspace(0.01, 0.29, 12)
-        np.testing.assert_allclose(line.fastest(inside, AT), fastest(motion, inside, AT), atol=1e-12)
+        np.testing.assert_allclose(line.fastest(inside, AT), motion_speed_bounds(motion, inside, AT), atol=1e-12)
 
 
 def test_a_straight_way_and_a_steady_turn_are_known_exactly():
     """3 m/s and 2 rad/s; 0.5 m from the axis it is faster by 1 m/s at most."""
     M = np.tile(np.eye(4), (2, 1, 1))
-    M[1, 0, 3], M[1, :3, :3] = 3.0, about_axis(np.array([0.0, 0.0, 1.0]), 2.0)
-    bound = fastest(Motion([0.0, 1.0], M), np.array([0.2, 0.3, 0.5, 1.2]), np.array([0.5, 0.0, 0.0]))
+    M[1, 0, 3], M[1, :3, :3] = 3.0, axis_rotation_matrix(np.array([0.0, 0.0, 1.0]), 2.0)
+    bound = motion_speed_bounds(Motion([0.0, 1.0], M), np.array([0.2, 0.3, 0.5, 1.2]), np.array([0.5, 0.0, 0.0]))
     np.testing.assert_allclose(bound, [[0.4, 0.2, 4.0, 2.0], [0.8, 0.4, 4.0, 2.0], [2.0, 1.0, 4.0, 2.0]], rtol=1e-12)
 
 
@@ -125,7 +126,7 @@ def test_a_straight_way_and_a_steady_turn_are_known_exactly():
     Stack([Part("elements", Curve(TIMES, keys(3)))])], ids=["elastic", "hold", "repeat", "half turns", "scale", "elements"])
 def test_what_has_no_formula_has_no_bound(motion):
     with np.errstate(all="raise"):
-        bound = fastest(motion, FRAMES, AT)
+        bound = motion_speed_bounds(motion, FRAMES, AT)
     assert np.isinf(bound).any() and not np.isnan(bound).any()
     far, fast = moved(motion) if motion.kind != "stack" else (0.0, 0.0)
     assert (bound[:, :2] >= far - 1e-6).all() and (bound[:, 2:] >= fast * (1.0 - 1e-6) - 1e-6).all()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.gpu.test_free_frames import net
-from tests.physics.selfcontact.rig import SOLVERS, crumple
+from tests.physics.contact.selfcontact.rig import SOLVERS, crumple
 from wsim.model import launches
-from wsim.physics.selfcontact import near
+from wsim.physics.contact.selfcontact import near
 from wsim.scene import Plane
 from wsim.simulation import report
 from wsim.simulation.measure.captures import capture_forms
@@ -51,7 +51,7 @@ LOOPED = {"mesh colliders": rollers, "deforming mesh": cape, "pins": chart, "sof
 def test_substeps_in_a_loop_have_the_bits_of_substeps_one_by_one(made, monkeypatch):
     """And a graph holds the launches of three of them."""
     found, counts = [], []
-    launch = launches.Launches.launch
+    launch = launches.KernelLaunches.launch
     for many in (1 << 60, 0):
         monkeypatch.setattr(launches, "MANY", many)
         (scene, frames), count = made(), [0]
@@ -59,7 +59,7 @@ def test_substeps_in_a_loop_have_the_bits_of_substeps_one_by_one(made, monkeypat
         def counted(model, *given, count=count):
             count[0] += 1
             launch(model, *given)
-        monkeypatch.setattr(launches.Launches, "launch", counted)
+        monkeypatch.setattr(launches.KernelLaunches, "launch", counted)
         sim = Simulation(scene, device="cpu")
         sim.run(frames)
         assert bool(sim.plan.loop) == (many == 0)
@@ -79,9 +79,9 @@ def test_a_run_tells_when_and_why_it_captured():
         (1, "the first frame with contacts"), (2, "the first frame without contacts"), (3, "a value was set")]
     assert all(c["seconds"] > 0.0 for c in told)
     late = [dict(told[0], frame=11, why="another solver"), *told[:2]]
-    assert "captured 3 times" in report.text(sim.report() | {"captures": late})
-    assert "1 of them after frame 10" in report.text(sim.report() | {"captures": late})
-    assert "frame 11, with contacts: another solver" in report.text(sim.report() | {"captures": late})
+    assert "captured 3 times" in report.report_text(sim.report() | {"captures": late})
+    assert "1 of them after frame 10" in report.report_text(sim.report() | {"captures": late})
+    assert "frame 11, with contacts: another solver" in report.report_text(sim.report() | {"captures": late})
 
 
 def test_forms_that_are_captured_early_have_the_bits_of_forms_captured_when_they_come():

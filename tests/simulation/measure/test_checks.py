@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, revolute
+from wsim.physics.rigid.joints.joint import Drive, Joint, locked_limits_except, revolute_joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Load, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Curve, Motion
@@ -99,7 +99,7 @@ def test_a_box_that_a_paddle_hits_has_the_energy_of_the_blow():
 def motor(**drive) -> Scene:
     """A wheel on an axle, without gravity."""
     wheel = Body("/wheel", [], Motion.still(), mass=2.0, center=(0, 0, 0), inertia=(0.1, 0.1, 0.1))
-    hinge = revolute("/axle", None, wheel, at=(0, 0, 0), axis=(0, 0, 1))
+    hinge = revolute_joint("/axle", None, wheel, at=(0, 0, 0), axis=(0, 0, 1))
     made = Joint(**vars(hinge) | {"drives": {"rotX": Drive(**drive)}})
     return scene(wheel, made, gravity=(0.0, 0.0, 0.0))
 
@@ -122,7 +122,7 @@ def test_a_spring_drive_that_swings_is_balanced():
 def test_a_spring_that_starts_stretched_stores_energy_from_the_start():
     """1 kg, 0.1 m from the rest of a spring of 1e4 N/m: half k y^2 = 50 J goes to and fro."""
     box = body("/box", (0.1, 0.0, 0.0))
-    slide = Joint("/slide", body1="/box", limits=all_locked("transX"), drives={"transX": Drive(stiffness=1e4)})
+    slide = Joint("/slide", body1="/box", limits=locked_limits_except("transX"), drives={"transX": Drive(stiffness=1e4)})
     sim = Simulation(scene(box, slide, gravity=(0.0, 0.0, 0.0)), **CPU)
     sim.run(5)
     assert sim.plan.ports.balance.report()["rise"] < 1e-4 and not sim.warnings
@@ -279,7 +279,8 @@ def test_a_restart_goes_on_with_the_raised_substeps_to_the_bit():
 def test_joints_that_gape_and_shapes_that_overlap_are_told_by_prim():
     """A joint is torn by hand; a box of 1 kg under 1000 kg is crushed at 2 substeps."""
     a, b = body("/a", (0, 0, 1.0)), body("/b", (0.3, 0, 1.0))
-    sim = Simulation(scene(a, b, revolute("/hinge", a, b, at=(0.15, 0, 1.0), axis=(0, 1, 0)), gravity=(0.0, 0.0, 0.0)), **CPU)
+    sim = Simulation(scene(a, b, revolute_joint("/hinge", a, b, at=(0.15, 0, 1.0), axis=(0, 1, 0)), gravity=(0.0, 0.0, 0.0)),
+                     **CPU)
     part = sim.state.parts["bodies"]
     x = part.arrays["x"].numpy()
     x[1, 2] += 0.5

@@ -5,7 +5,7 @@ import pytest
 
 from wsim.scene import Motion, Scene, Sphere, shapes
 from wsim.simulation.measure.host import SETTLED
-from wsim.simulation.report import text
+from wsim.simulation.report import report_text
 from wsim.simulation.simulation import Simulation
 
 
@@ -46,7 +46,7 @@ def test_curves_are_evaluated_by_kernels_and_what_is_none_is_told(motion, evalua
     rows = {row["what"]: row for row in told["host"]}
     assert rows["pins"]["evaluates"] == evaluates and rows["pins"]["ms"] > 0.0
     assert not any(row["evaluates"] for what, row in rows.items() if what != "pins")
-    assert ("  evaluates targets of /pin" in text(told)) == bool(evaluates)
+    assert ("  evaluates targets of /pin" in report_text(told)) == bool(evaluates)
 
 
 def test_times_are_of_frames_behind_the_first_and_less_than_whole_frames():
@@ -56,6 +56,6 @@ def test_times_are_of_frames_behind_the_first_and_less_than_whole_frames():
     total = sum(row["ms"] for row in told["host"])
     assert 0.0 < total <= sum(sim.milliseconds[SETTLED:]) / 3 + 1e3 * sim.host.seconds["first frames, measured"] / 3
     assert told["host"] == sorted(told["host"], key=lambda row: -row["ms"])
-    assert f"host      {total:.2g} ms a frame" in text(told)
+    assert f"host      {total:.2g} ms a frame" in report_text(told)
     sim.reset()
     assert sim.report(profile=False)["host"] == []

@@ -11,17 +11,17 @@ import warp as wp
 from tools.bench.choice.costs import fitted, ratios
 from tools.bench.choice.scenes import Case
 from tools.bench.nets import reference
-from wsim.bench.track import distance, size
+from wsim.bench.track import largest_body_extent, rms_point_distance
 from wsim.model import model as models
-from wsim.physics.cloth.constraints import LOOKS, constrain
+from wsim.physics.cloth.constraints import LOOKS, fill_constraints
 from wsim.scene import Scene, Surface
 from wsim.scene.fabric import Fabric
 from wsim.scene.shapes import block, sheet, sphere
 from wsim.scene.solid import Bulk
 from wsim.simulation import cost
-from wsim.simulation.choice import choose
+from wsim.simulation.choice import choose_scheme
 from wsim.simulation.predicted import errors
-from wsim.simulation.report import text
+from wsim.simulation.report import report_text
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 
@@ -37,7 +37,8 @@ def test_auto_errs_by_no_more_than_the_scene_asks(stiffness, most):
     ends: list[list] = [[], [], []]
     for sim, found in zip(runs, ends, strict=True):
         sim.run(FRAMES, lambda s, found=found: found.append(s.positions()))
-    ours, named = (float(distance(np.array(found), np.array(ends[0])).max()) / size(scene) for found in ends[1:])
+    ours, named = (float(rms_point_distance(np.array(found), np.array(ends[0])).max()) / largest_body_extent(scene)
+                   for found in ends[1:])
     assert ours <= most and named > 1.5 * scene.error
     assert runs[1].plan.choice.solver == ("explicit" if stiffness < 1e6 else "xpbd")
 
@@ -51,9 +52,9 @@ def test_a_collider_keeps_nothing_from_explicit_steps_that_cost_less(kind, size,
 def test_what_is_too_stiff_for_them_takes_the_substeps_that_contacts_need():
     """Backward Euler, of order 1: EULER h sqrt(g L) is no more than wanted; the scene's 10 steps would leave 14 %."""
     sim = Simulation(Case("on a floor", 3, 1e12).scene, device="cpu")
-    bodies, n = errors.falls(sim.model), sim.plan.choice.substeps
+    bodies, n = errors.falling_bodies(sim.model), sim.plan.choice.substeps
     assert sim.plan.choice.solver == "implicit" and sim.plan.choice.integrator.name == "backward_euler"
-    left = [errors.drift(bodies, 1.0 / 24.0 / k, errors.EULER) / 0.3 for k in (n, n / 1.03, 10)]
+    left = [errors.drift_error(bodies, 1.0 / 24.0 / k, errors.EULER) / 0.3 for k in (n, n / 1.03, 10)]
     assert left[0] <= 0.01 < left[1] and left[2] == pytest.approx(0.095, rel=0.02)
 
 
@@ -69,7 +70,7 @@ def test_newton_steps_of_a_sheet_that_bends_are_taken_where_they_cost_less_and_e
     chosen = runs[1].plan.choice
     assert (chosen.solver, chosen.integrator.name, chosen.iterations) == ("implicit", "bdf2", 1)
     assert "XPBD" in chosen.why and "it errs by about 0.19 % of the size" in chosen.why
-    error = float(distance(np.array(ends[1]), np.array(ends[0])).max()) / size(scene)
+    error = float(rms_point_distance(np.array(ends[1]), np.array(ends[0])).max()) / largest_body_extent(scene)
     assert chosen.error / 3.0 < error < chosen.error <= scene.error and not runs[1].warnings
 
 
@@ -81,9 +82,9 @@ def test_one_sweep_of_more_substeps_is_taken_where_it_costs_less():
 
 def test_a_mesh_that_moves_costs_more_than_a_ball():
     scene = Case("on a ball", 12, 50.0).scene
-    ball = cost.explicit(Simulation(scene, device="cpu").model, 7)
+    ball = cost.count_explicit_frame(Simulation(scene, device="cpu").model, 7)
     scene.colliders[0].shape = Surface(*sphere(0.3, 8))
-    mesh = cost.explicit(Simulation(scene, device="cpu").model, 7)
+    mesh = cost.count_explicit_frame(Simulation(scene, device="cpu").model, 7)
     assert ball["near"] == 7 * 144 and mesh["near"] == cost.MESH["cpu"] * ball["near"] and mesh["touch"] == ball["touch"] == 14
 
 
@@ -99,7 +100,8 @@ def test_a_report_says_how_many_limits_act_and_that_they_are_looks():
         sim = Simulation(scene, device="cpu")
         sim.run(24)
         said.append(sim.report(profile=False)["limits"])
-        assert f"tethers and strain limits are {LOOKS}" in sim.plan.describe() and said[-1] in text(sim.report(profile=False))
+        assert f"tethers and strain limits are {LOOKS}" in sim.plan.describe() and said[
+                                                                                   -1] in report_text(sim.report(profile=False))
     edges = [int(re.findall(r"(\d+) of 108 edges at their strain limit", s)[0]) for s in said]
     assert edges[0] > 10 > edges[1] and "40 of 40 tethers taut" in said[1] and "tether" not in said[0]
 
@@ -123,13 +125,13 @@ def test_measured_frames_give_back_their_constants():
 def test_what_a_frame_is_said_to_take_counts_contacts_damping_and_bodies_and_no_choice_does():
     bare = Case("on a ball", 12, 50.0).scene
     model = Simulation(bare, device="cpu").model
-    chosen = choose(model)
-    said = cost.frame(model, chosen)
+    chosen = choose_scheme(model)
+    said = cost.count_frame_of_choice(model, chosen)
     assert said["met"] == chosen.substeps * 144 and said["body"] == said["damped"] == 0
     without = {name: value for name, value in said.items() if name not in ("met", "body", "damped")}
-    assert without == (cost.explicit(model, chosen.substeps) if chosen.solver == "explicit" else
-                       cost.sweeps(model, chosen.substeps, chosen.iterations))
-    assert cost.seconds(model, said) > cost.seconds(model, without)
+    assert without == (cost.count_explicit_frame(model, chosen.substeps) if chosen.solver == "explicit" else
+                       cost.count_sweeps_frame(model, chosen.substeps, chosen.iterations))
+    assert cost.seconds_of_counts(model, said) > cost.seconds_of_counts(model, without)
 
 
 @pytest.mark.parametrize("damping, times", [(0.0, 0.0), (0.01, 2.0), (0.05, 4.0)])
@@ -138,9 +140,9 @@ def test_a_damped_tet_costs_as_the_iterations_of_its_solve_go(damping, times):
     scene = Scene(fps=75.0, solver="implicit", integrator="backward_euler", substeps=4, iterations=1)
     scene.soft("/jelly", *block((1, 1, 1), 2), material=Bulk(damping=damping))
     model = Simulation(scene, device="cpu").model
-    chosen = choose(model)
+    chosen = choose_scheme(model)
     assert (chosen.substeps, chosen.iterations) == (4, 1)
-    assert cost.frame(model, chosen)["damped"] == pytest.approx(4 * 40 * times)
+    assert cost.count_frame_of_choice(model, chosen)["damped"] == pytest.approx(4 * 40 * times)
 
 
 @pytest.mark.parametrize("name, least, most", [("pyramid", 2e-3, 5e-2), ("dominoes", 5e-4, 1e-2), ("plume", 2e-2, 0.2)])
@@ -158,16 +160,16 @@ def test_newtons_steps_of_a_soft_body_are_as_many_as_the_wanted_error_takes():
     assert found.choice.integrator.name == "sdirk3" and found.choice.error <= scene.error
 
     def error(steps: int) -> float:
-        return errors.newton(found.model, errors.falls(found.model), 1.0 / 24.0 / steps, "sdirk3", 0.0) / 0.1
+        return errors.newton_error(found.model, errors.falling_bodies(found.model), 1.0 / 24.0 / steps, "sdirk3", 0.0) / 0.1
     assert error(found.choice.steps) <= scene.error < error(found.choice.steps - 1)
 
 
 def test_a_gpu_takes_leapfrog_for_a_sheet_that_its_blocks_share():
     """Hanging cloth on an H200: XPBD 56 x 2 8.7 ms a frame and 26 mm after half a second, leapfrog 3.5 ms and 0.5 um."""
-    model = models.build(load("scenes/hanging_cloth.usda"), 1, wp.get_device("cpu"), wp.float32)
-    constrain(model)
+    model = models.build_model(load("scenes/hanging_cloth.usda"), 1, wp.get_device("cpu"), wp.float32)
+    fill_constraints(model)
     model.device = SimpleNamespace(is_cuda=True, arch=90, sm_count=132)
-    found = choose(model)
+    found = choose_scheme(model)
     assert (found.solver, found.integrator.name) == ("explicit", "leapfrog")
     assert found.error < 0.2 * model.scene.error
-    assert cost.seconds(model, cost.frame(model, found)) < 12e-3
+    assert cost.seconds_of_counts(model, cost.count_frame_of_choice(model, found)) < 12e-3

@@ -9,7 +9,7 @@ import pytest
 from wsim import Box, Fabric, Plane, Scene, Simulation
 from wsim.simulation.predicted.growth import GROWS, HIT, SEED, SHARE
 from wsim.simulation.predicted.measured import leave_out
-from wsim.simulation.report import text
+from wsim.simulation.report import report_text
 
 STIFF = Fabric(stretch=2600.0, shear=1100.0, bend=8e-4, thickness=6.6e-4, density=185.0, poisson=0.2)
 
@@ -52,7 +52,7 @@ def test_sweeps_report_at_least_the_error_that_they_have_and_the_main_run_keeps_
     apart = auto.positions("/c") - fine.positions("/c")
     true, said = sqrt((apart**2).sum(axis=1).mean()) / 0.13, auto.report(False)["predicted"]
     assert true <= said["error"] and said["error_before"] < true
-    assert "positions err by about" in text(auto.report(False))
+    assert "positions err by about" in report_text(auto.report(False))
 
 
 def test_a_row_that_is_pressed_grows_as_its_middle_point_does():
@@ -77,9 +77,9 @@ def test_a_pressed_row_is_called_sensitive_once_rounding_has_grown_to_an_edge():
     n = 1.0 + log(0.5 / (SEED * exp(q) + SHARE * sim.measured.growth.steps)) / q
     assert 3.0 < n < 10.0
     sim.run(int(n) - 1)
-    assert not sim.report(False)["predicted"]["sensitive"] and "sensitive" not in text(sim.report(False))
+    assert not sim.report(False)["predicted"]["sensitive"] and "sensitive" not in report_text(sim.report(False))
     sim.run(1)
-    assert sim.report(False)["predicted"]["sensitive"] and "sensitive" in text(sim.report(False))
+    assert sim.report(False)["predicted"]["sensitive"] and "sensitive" in report_text(sim.report(False))
     other.run(int(n) + 1)
     assert not other.report(False)["predicted"]["sensitive"]
 

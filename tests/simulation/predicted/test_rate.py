@@ -8,7 +8,7 @@ import pytest
 from tools.bench.choice.scenes import Case
 from wsim.scene import Scene, SceneError
 from wsim.simulation import cost
-from wsim.simulation.duration import missed
+from wsim.simulation.duration import warn_of_missed_rate
 from wsim.simulation.predicted import rate
 from wsim.simulation.simulation import Simulation
 from wsim.usd import save
@@ -17,7 +17,7 @@ CPU = {"device": "cpu"}
 
 
 def seconds(sim) -> float:
-    return cost.seconds(sim.model, cost.frame(sim.model, sim.plan.choice))
+    return cost.seconds_of_counts(sim.model, cost.count_frame_of_choice(sim.model, sim.plan.choice))
 
 
 @pytest.mark.parametrize("kind, size, stiffness", [("net", 12, 1e3), ("membrane", 12, 5e3), ("hinges", 12, 5e4),
@@ -83,9 +83,10 @@ def test_the_command_line_says_it_and_refuses_what_contradicts(tmp_path, capsys)
 
 def test_a_rate_that_was_predicted_and_is_not_held_is_told():
     """By half of the frames; one long frame is none."""
-    said = missed(60.0, [12.0, 30.0, 29.0, 31.0])
+    said = warn_of_missed_rate(60.0, [12.0, 30.0, 29.0, 31.0])
     assert len(said) == 1 and "60 frames a second were asked for, and half of the frames took 29.5 ms" in said[0]
-    assert missed(60.0, [12.0, 12.0, 90.0]) == missed(None, [90.0]) == missed(60.0, []) == []
+    assert warn_of_missed_rate(60.0, [12.0, 12.0, 90.0]) == warn_of_missed_rate(None, [90.0]) == warn_of_missed_rate(60.0,
+                                                                                                                     []) == []
     sim = Simulation(Case("hinges", 24, 5e3).scene, fps=15.0, **CPU)
     sim.run(2)
     sim.milliseconds[:] = [100.0, 100.0, 100.0]

@@ -9,9 +9,9 @@ from tools.bench.rigid.answers.stage import Stage, turned
 from wsim.kernels.rigid import checks
 from wsim.kernels.rigid.narrow import rolling as kernels
 from wsim.scene import Cylinder, Plane
-from wsim.scene.bodies import Unnamed
+from wsim.scene.bodies import DefaultCount
 from wsim.simulation.predicted import rolling
-from wsim.simulation.predicted.sag import need
+from wsim.simulation.predicted.sag import need_of_rigid_bodies
 from wsim.simulation.simulation import Simulation
 
 Z, X = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
@@ -24,8 +24,9 @@ def test_the_bounds_are_those_of_the_device():
 @pytest.mark.parametrize("sides", [8, 12, 64])
 def test_a_prism_has_as_many_facets_as_sides_about_its_axis_and_four_across(sides):
     points = sided(sides, 0.3, 0.1).points
-    assert rolling.facets(points, Z, X) == sides and rolling.facets(points, turned((1.0, 2.0, 0.0), 1.0) @ Z, X) >= sides
-    assert rolling.facets(points, X, Z) <= 6
+    assert rolling.facets_in_one_turn(points, Z, X) == sides and rolling.facets_in_one_turn(points, turned((1.0, 2.0, 0.0),
+                                                                                                           1.0) @ Z, X) >= sides
+    assert rolling.facets_in_one_turn(points, X, Z) <= 6
 
 
 @pytest.mark.parametrize("name", coin.COINS)
@@ -51,9 +52,9 @@ def passed(sim: Simulation) -> float:
 def test_a_prism_that_rolls_takes_four_substeps_a_facet_and_says_so():
     """64 facets x 5 m/s / (2 pi 0.3 m) = 170 a second, 0.707 in a substep at 24 x 10."""
     want = 64 * 5.0 / (2.0 * np.pi * 0.3)
-    found = need(stage(Unnamed(10)).scene)
+    found = need_of_rigid_bodies(stage(DefaultCount(10)).scene)
     assert found.roll.rate == pytest.approx(want, rel=1e-6) and found.substeps(24.0) == np.ceil(want / 24.0 / rolling.FEW)
-    sim = Simulation(stage(Unnamed(10)).scene, device="cpu")
+    sim = Simulation(stage(DefaultCount(10)).scene, device="cpu")
     assert sim.plan.clock.steps == 29 and "facets" in sim.report(profile=False)["raised"]
     few = Simulation(stage(10).scene, device="cpu")
     few.run(8)
@@ -66,11 +67,11 @@ def test_a_prism_that_rolls_takes_four_substeps_a_facet_and_says_so():
 def test_what_lies_still_or_flies_is_no_reason(more):
     sim = Simulation(stage(10, **more).scene, device="cpu")
     sim.run(6)
-    assert need(stage(10, **more).scene).roll.rate == 0.0 and not sim.warnings and passed(sim) == 0.0
+    assert need_of_rigid_bodies(stage(10, **more).scene).roll.rate == 0.0 and not sim.warnings and passed(sim) == 0.0
 
 
 def test_a_prism_that_speeds_up_down_a_slope_is_warned_of_or_gets_more():
-    few, free = (Simulation(stage(n, 6.0, lean=40.0).scene, device="cpu") for n in (10, Unnamed(10)))
+    few, free = (Simulation(stage(n, 6.0, lean=40.0).scene, device="cpu") for n in (10, DefaultCount(10)))
     for sim in (few, free):
         sim.run(36)
     assert any("/prism rolls over" in w and "--substeps" in w for w in few.warnings)
@@ -84,6 +85,6 @@ def test_a_coin_that_goes_round_too_fast_is_warned_of():
     made.collider("/floor", Plane())
     turn = np.stack([np.cross((0.0, 1.0, 0.0), s["e3"]), (0.0, 1.0, 0.0), s["e3"]], axis=1)
     made.body("/coin", Cylinder(0.0125, 0.001), s["x"], turn, s["v"], s["w"])
-    found = need(made.scene)
+    found = need_of_rigid_bodies(made.scene)
     assert found.roll.kind == "rim" and found.roll.rate / 240.0 == pytest.approx(0.562 * np.cos(np.radians(10.0)), abs=2e-3)
     assert any("precesses on its rim" in w for w in made.run(0.3).warnings)

@@ -7,7 +7,7 @@ import pytest
 
 from wsim import Scene, Simulation
 from wsim.simulation.predicted.settled import OVER, SPREAD, peak_strain
-from wsim.simulation.report import text
+from wsim.simulation.report import report_text
 
 
 def chain(sweeps: int, stiffness: float = 500.0) -> Scene:
@@ -37,5 +37,6 @@ def test_what_sweeps_leave_is_warned_of_with_the_strain_of_a_solved_chain(start)
     s, estimate, frame = max(sim.settled.found)
     assert s > OVER * estimate
     low, high = 100.0 * estimate / SPREAD, 100.0 * estimate
-    assert f"by up to {100.0 * s:.2g} % in frame {frame}, where a converged run has about {low:.2g} to {high:.2g} %" in text(
+    said = f"by up to {100.0 * s:.2g} % in frame {frame}, where a converged run has about {low:.2g} to {high:.2g} %"
+    assert said in report_text(
         sim.report(False))

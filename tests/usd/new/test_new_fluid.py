@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom, Vt
 
 from wsim import cli
 from wsim.scene import Plane, SceneError, Sphere, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 from wsim.usd.new.fluid import author_fluid, author_liquid
@@ -39,7 +39,7 @@ def test_a_ball_smokes_in_a_box_with_room_above_it(source, tmp_path):
     assert max(fluid.shape) == 40 and np.allclose((fluid.high - fluid.low) / fluid.cell, fluid.shape)
     assert (fluid.low < [0.6, -0.4, 1.6]).all() and (fluid.high > [1.4, 0.4, 2.4]).all()
     assert fluid.high[2] - 2.4 > 2.0 and np.allclose(0.5 * (fluid.low + fluid.high)[:2], [1.0, 0.0])
-    assert fluid.sides == ("open",) * 6 and check(scene) == [] and Path(source).read_bytes() == before
+    assert fluid.sides == ("open",) * 6 and check_scene(scene) == [] and Path(source).read_bytes() == before
 
 
 def test_a_ground_is_the_floor_of_the_box(source, tmp_path):
@@ -59,7 +59,7 @@ def test_a_ball_of_water_has_a_tank_to_fall_in(source, tmp_path):
     (tank,), (water,) = scene.things("Liquid"), scene.things("LiquidSource")
     assert isinstance(water.shape, Surface) and water.role == "start" and tank.sides == ("closed",) * 6
     assert np.allclose(tank.low[:2], [-0.2, -1.2]) and np.isclose(tank.low[2], 1.2) and tank.high[2] >= 2.8 - 1e-6
-    assert check(scene) == [] and Path(source).read_bytes() == before
+    assert check_scene(scene) == [] and Path(source).read_bytes() == before
     stage = Usd.Stage.Open(str(tmp_path / "s.usda"))
     assert UsdGeom.Imageable(stage.GetPrimAtPath(water.path)).ComputePurpose() == "guide"
     sim = Simulation(scene, device="cpu")
@@ -73,7 +73,7 @@ def test_water_stands_on_a_ground(source, tmp_path):
     author_liquid(source, tmp_path / "s.usda", ground=1.6, cells=24)
     scene = load(str(tmp_path / "s.usda"))
     assert np.isclose(scene.things("Liquid")[0].low[2], 1.6) and isinstance(scene.colliders[0].shape, Plane)
-    assert check(scene) == []
+    assert check_scene(scene) == []
 
 
 def test_a_ball_that_moves_smokes_in_a_box_about_all_of_its_way(tmp_path):
@@ -94,11 +94,12 @@ def test_a_ball_that_moves_smokes_in_a_box_about_all_of_its_way(tmp_path):
     assert author_fluid(tmp_path / "ball.usda", tmp_path / "a.usda", cells=24, prim="ball") == []
     scene = load(str(tmp_path / "a.usda"))
     (air,) = scene.things("Fluid")
-    assert air.low[0] < -0.5 and air.high[0] > 1.5 and scene.things("Source")[0].shape == Sphere(0.1) and check(scene) == []
+    assert air.low[0] < -0.5 and air.high[0] > 1.5 and scene.things("Source")[0].shape == Sphere(0.1)
+    assert check_scene(scene) == []
     assert author_liquid(tmp_path / "ball.usda", tmp_path / "b.usda", cells=24, prim="sparks") == []
     scene = load(str(tmp_path / "b.usda"))
     (tank,) = scene.things("Liquid")
-    assert tank.low[0] < 4.7 and tank.high[1] > 0.6 and check(scene) == []
+    assert tank.low[0] < 4.7 and tank.high[1] > 0.6 and check_scene(scene) == []
     assert len(scene.things("LiquidSource")[0].shape.points) == 2
 
 

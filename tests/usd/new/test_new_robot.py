@@ -9,7 +9,7 @@ import pytest
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from wsim.cli import main
-from wsim.physics.rigid.mass import inertia
+from wsim.physics.rigid.mass import body_inertia
 from wsim.usd import load
 
 CONVERTER = """#!{python}
@@ -69,7 +69,7 @@ def test_a_model_gives_its_masses_and_keeps_apart_what_its_masks_do(converter, t
     (tmp_path / "a.xml").write_text("<mujoco/>")
     assert main(["new", "robot", "a.xml", "-o", "a.usda", "--ground", "-1.5", "--frames", "12"]) == 0
     scene = load("a.usda")
-    bodies = [inertia(body) for body in scene.things("Body")]
+    bodies = [body_inertia(body) for body in scene.things("Body")]
     assert [round(body.mass, 5) for body in bodies] == [2.0, 3.0, 4.0] and scene.frames == 12
     assert abs(bodies[1].moments - (0.1, 0.2, 0.25)).max() < 1e-6 and abs(bodies[1].center - (0.0, 0.0, 0.1)).max() < 1e-6
     links = ["/robot/link", "/robot/link/link", "/robot/link/link/link"]
@@ -116,10 +116,10 @@ def test_the_masses_of_bodies_within_bodies_stay_apart(tmp_path):
         UsdPhysics.CollisionAPI.Apply(cube.GetPrim())
     UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath("/a")).CreateFilteredPairsRel().SetTargets(["/c"])
     stage.Save()
-    from wsim.physics.rigid.joints.filters.groups import of_contacts
+    from wsim.physics.rigid.joints.filters.groups import contact_filters
     scene = load(stage)
     owned = [(body.path, 0, body.colliders[0].path) for body in scene.things("Body")]
-    found = of_contacts(scene, owned)
+    found = contact_filters(scene, owned)
     paths = [path for path, *_ in owned]
     apart = {(paths[k], paths[j]) for k in range(3) for j in found.parted[found.first[k]:found.first[k + 1]]}
     assert apart == {("/a", "/c"), ("/c", "/a")}

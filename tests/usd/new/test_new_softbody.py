@@ -8,7 +8,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, Vt
 
 from wsim import cli
-from wsim.geometry.tetra.tets import surface, volumes
+from wsim.geometry.tetra.tets import signed_tet_volumes, tet_surface_triangles
 from wsim.scene import Plane, Scene, SceneError, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.nodal.masses import soft_masses
@@ -72,7 +72,7 @@ def test_a_closed_mesh_gets_a_cage_that_weighs_what_it_encloses(source, tmp_path
     (soft,), (ground,) = scene.softs, scene.colliders
     world = soft.motion.points(soft.points)
     assert soft.path == "/ball/tets" and soft.material == material and notes == []
-    assert (volumes(world, soft.tets) > 0).all()
+    assert (signed_tet_volumes(world, soft.tets) > 0).all()
     exact = 2.0 * 4.0 / 3.0 * np.pi * 0.4**3
     assert 0.966 * 900.0 * exact < soft_masses(soft, world)[0].sum() < 1.005 * 900.0 * exact
     (skin,) = soft.skins
@@ -113,7 +113,7 @@ def test_a_mesh_far_from_the_origin_has_a_cage_as_exact_as_near(source, tmp_path
     ball(source).AddTranslateOp().Set((1e6, 0, -1e6))
     scene, _ = made(source, tmp_path)
     world = scene.softs[0].motion.points(scene.softs[0].points)
-    size = np.abs(volumes(world, scene.softs[0].tets) / 0.08**3)
+    size = np.abs(signed_tet_volumes(world, scene.softs[0].tets) / 0.08**3)
     assert np.minimum(np.abs(size - 1 / 3), np.abs(size - 1 / 6)).max() < 20 * np.finfo(np.float32).eps
 
 
@@ -151,7 +151,7 @@ def test_flaws_of_a_tet_mesh_are_mended_with_a_warning(source, tmp_path):
     assert notes == ["2 of its 42 tets are flat or given twice; they are left out",
                      "3 of its 42 tets are wound against its orientation (first: tet 0); they are turned"]
     world = scene.softs[0].motion.points(scene.softs[0].points)
-    assert volumes(world, scene.softs[0].tets).sum() == pytest.approx(1.0) and len(scene.softs[0].tets) == 40
+    assert signed_tet_volumes(world, scene.softs[0].tets).sum() == pytest.approx(1.0) and len(scene.softs[0].tets) == 40
     assert not any("wound" in note.text for note in scene.notes)
 
 
@@ -211,7 +211,7 @@ def test_a_result_shows_the_surface_of_a_body_without_skins(tmp_path, above):
         stage = Usd.Stage.Open(out)
         body, seen = (stage.GetPrimAtPath(f"{above}/block{end}") for end in ("", "_surface"))
         assert seen.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(body).ComputePurpose() == ("guide" if above else "default")
-        own = np.unique(surface(soft.tets))
+        own = np.unique(tet_surface_triangles(soft.tets))
         for name in ("points", "velocities", "primvars:vonMises"):
             for code in range(4):
                 mine, all_ = (np.array(prim.GetAttribute(name).Get(code)) for prim in (seen, body))

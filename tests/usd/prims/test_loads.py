@@ -6,9 +6,9 @@ import pytest
 from tests.make.usda import Reader, cloth, errors, notes
 from tests.physics.motion.test_loads import pushed
 from wsim import load
-from wsim.cli.run import later
+from wsim.cli.run import delay_scene_curves
 from wsim.scene import shapes
-from wsim.scene.nodal.loads import between
+from wsim.scene.nodal.loads import surface_triangles_among
 from wsim.usd import save
 
 
@@ -25,7 +25,7 @@ def of(values: str, body: str = "/cloth") -> str:
 def test_loads_come_back_as_they_were_saved(tmp_path):
     scene = pushed()
     bar = scene.soft("/bar", *shapes.block((0.4, 0.2, 0.2), (2, 1, 1)))
-    scene.traction("/bar/pull", bar, between(bar)[:3], (1.5, 0.1, 0.0))
+    scene.traction("/bar/pull", bar, surface_triangles_among(bar)[:3], (1.5, 0.1, 0.0))
     save(scene, tmp_path / "scene.usda")
     assert load(tmp_path / "scene.usda") == scene
 
@@ -39,7 +39,7 @@ def test_units_samples_and_triangles_are_read(read):
     np.testing.assert_allclose(force.curve.times, [0.0, 1.0])
     np.testing.assert_allclose(force.curve.values, [[0, 0, 0], [1, 0, 2]])
     assert force.points.tolist() == [1, 3] and "wsim:load" not in notes(scene)
-    assert later(scene, 2.0).loads[0].curve.times.tolist() == [2.0, 3.0]
+    assert delay_scene_curves(scene, 2.0).loads[0].curve.times.tolist() == [2.0, 3.0]
     (whole,) = read(of("vector3d wsim:load:traction = (10, 0, 0)"), header).loads
     np.testing.assert_allclose(whole.curve.values, [[1, 0, 0]])
     assert sorted(map(sorted, whole.triangles.tolist())) == [[0, 1, 2], [0, 2, 3]]

@@ -148,23 +148,24 @@ def test_faces_in_series_stretch_each_by_its_own_stiffness(solver, substeps):
 
 def test_springs_of_a_uniform_map_are_those_of_the_material():
     from wsim.model.model import make_body
-    from wsim.physics.cloth.constraints import rows_of
+    from wsim.physics.cloth.constraints import constraints_of_body
     plain, mapped = _strip([300.0] * 3, model="springs"), _strip([300.0] * 3, model="springs")
     plain.stretches = None
-    for one, other in zip(*(rows_of(make_body(c, 0, 0, 0)) for c in (plain, mapped)), strict=True):
+    for one, other in zip(*(constraints_of_body(make_body(c, 0, 0, 0)) for c in (plain, mapped)), strict=True):
         assert one.kind == other.kind and np.broadcast_to(one.alpha, len(one.ids)) == pytest.approx(other.alpha)
 
 
 def test_a_hinge_bends_by_the_mean_of_its_faces():
     from wsim.model.model import make_body
-    from wsim.physics.cloth.constraints import rows_of
-    row = next(r for r in rows_of(make_body(_strip([300.0] * 3, bends=[1e-5, 3e-5, 7e-5]), 0, 0, 0)) if r.kind == "dihedral")
+    from wsim.physics.cloth.constraints import constraints_of_body
+    row = next(r for r in constraints_of_body(make_body(_strip([300.0] * 3, bends=[1e-5, 3e-5, 7e-5]), 0, 0, 0))
+               if r.kind == "dihedral")
     assert sorted(set(np.round(row.stiffness["bend"] / 1e-5, 6))) == [1.0, 2.0, 3.0, 5.0, 7.0]
 
 
 def test_a_fit_is_not_offered_one_number_where_faces_differ():
-    from wsim.fitting.parameter import parameters
+    from wsim.fitting.parameter import parameters_of_names
     scene = Scene()
     scene.cloths.append(_strip([300.0, 400.0]))
     with pytest.raises(Exception, match="nothing here has stretch"):
-        parameters(["stretch"], [scene])
+        parameters_of_names(["stretch"], [scene])

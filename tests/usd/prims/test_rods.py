@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.make.usda import Reader, errors
-from wsim.kernels.rods.together.coupled import MOST
+from wsim.kernels.rods.coupled_newton.coupled import MOST
+from wsim.physics.contact.selfcontact.start import segment_distances
 from wsim.physics.rods.objects import Rods
-from wsim.physics.selfcontact.start import apart
 from wsim.scene import Box, Motion, Scene, SceneError, Sphere
-from wsim.scene.check.scene import check
-from wsim.scene.methods import inventory
+from wsim.scene.check.scene import check_scene
+from wsim.scene.methods import describe_scene_contents
 from wsim.simulation.simulation import Simulation
 
 APIS = '"PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "WsimRodsAPI"'
@@ -50,9 +50,9 @@ def test_directors_are_seen_beside_the_edges_of_each_strand():
     d[[3, 6]] = 0.0
     scene = Scene()
     rods = scene.add(Rods("/two", x, [4, 3], directors=d))
-    assert not [p for p in check(scene) if p.fatal]
+    assert not [p for p in check_scene(scene) if p.fatal]
     rods.directors[5] = 0.0, 3.0, 0.0
-    assert [p.text for p in check(scene) if p.fatal] == [
+    assert [p.text for p in check_scene(scene) if p.fatal] == [
         "directors (of curves: normals)[5] is [0.0, 3.0, 0.0], the edge behind point 5 goes along [0.0, 0.125, 0.0] "
         "(1 such edges); allowed: directions across their edges, not 0; mend: author it again, or leave it out: no twist then"]
 
@@ -80,13 +80,13 @@ def test_counts_that_do_not_fit_are_named_by_their_strand(counts, said):
     """The least was told as 0, whatever it was."""
     scene = strands(1, 0.0)
     scene.things("Rods")[0].counts = np.array(counts, int)
-    (problem,) = [p for p in check(scene) if p.fatal]
+    (problem,) = [p for p in check_scene(scene) if p.fatal]
     assert said in problem.text
 
 
 def test_an_edge_shorter_than_it_is_thick_is_told_with_a_diameter_that_is_not():
     def told(diameter: float) -> list[str]:
-        return [p.text for p in check(strands(1, 0.0, diameter)) if "thick" in p.text]
+        return [p.text for p in check_scene(strands(1, 0.0, diameter)) if "thick" in p.text]
     (text,) = told(0.05)
     most = float(text.split("at most ")[1].removesuffix(" m"))
     assert most == 0.01 and told(most) == [] and told(1.01 * most)
@@ -156,10 +156,10 @@ def test_strands_that_begin_in_a_collider_are_told_with_their_point_or_edge(alon
     scene, place = strands(1, 0.0), np.eye(4)
     place[0, 3] = 0.02 + along
     scene.collider("/ball", Sphere(0.005 - 1e-4 * (along > 0.0)), motion=Motion.still(place))
-    (text,) = [p.text for p in check(scene) if "inside" in p.text]
+    (text,) = [p.text for p in check_scene(scene) if "inside" in p.text]
     assert text.startswith(what) and "mend: move one of both" in text
     scene.things("Rods")[0].pin("/pin", [2, 3])
-    assert [p for p in check(scene) if "points begin inside" in p.text] == []
+    assert [p for p in check_scene(scene) if "points begin inside" in p.text] == []
 
 
 def test_a_rope_that_colliders_leave_no_room_is_told_how_deep_it_was():
@@ -196,7 +196,7 @@ def test_distances_of_segments_are_those_of_a_dense_grid():
     s = np.linspace(0.0, 1.0, 101)[None, :, None]
     p, q = (each[:, :1] + s * (each[:, 1:] - each[:, :1]) for each in (a, b))
     least = np.linalg.norm(p[:, :, None] - q[:, None], axis=-1).min(axis=(1, 2))
-    found = apart(a, b)
+    found = segment_distances(a, b)
     assert (found <= least + 1e-12).all() and (least - found).max() < 0.05
 
 
@@ -206,4 +206,4 @@ def test_prims_of_rods_are_counted_as_such(prims, said):
     scene = strands(2, 0.1)
     for k in range(1, prims):
         scene.add(Rods(f"/more{k}", STRAIGHT, [4]))
-    assert inventory(scene).startswith(said)
+    assert describe_scene_contents(scene).startswith(said)

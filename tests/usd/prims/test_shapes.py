@@ -8,8 +8,8 @@ from wsim.geometry import primitives, topology
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Sphere, Surface
 from wsim.scene.check import mesh
 from wsim.usd.prims.colliders import AROUND, load_collider
-from wsim.usd.stage import Reading, Units
-from wsim.usd.transforms import split
+from wsim.usd.stage import StageReading, StageUnits
+from wsim.usd.transforms import split_rotation_scale
 
 CHORD = 2.0 * (1.0 - np.cos(np.pi / AROUND))      # how far a facet lies inside its sphere, of the radius
 
@@ -93,7 +93,7 @@ def test_a_shape_is_where_usd_puts_its_surface(kind, axis, scale, transform):
     place(stage, transform, scale)
     M = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim))
     world = 0.01 * (boundary(kind, axis, rng) @ M[:3, :3] + M[3, :3])
-    reading = Reading(stage, Units.of(stage))
+    reading = StageReading(stage, StageUnits.of(stage))
     found = load_collider(reading, prim)
     assert isinstance(found, Collider) and not any(p.fatal for p in reading.problems)
     R, t = found.motion.at(0.0)[:3, :3], found.motion.at(0.0)[:3, 3]
@@ -131,31 +131,32 @@ def _distance(mesh: Surface, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("solid", [
-    primitives.box((1.0, 2.0, 3.0)), primitives.sphere(0.7, AROUND), primitives.capsule(0.4, 0.4, 0.8, AROUND),
-    primitives.capsule(0.4, 0.2, 0.1, AROUND), primitives.cylinder(0.4, 0.3, 0.8, AROUND),
-    primitives.cylinder(0.5, 0.0, 0.8, AROUND),
+    primitives.box_outline((1.0, 2.0, 3.0)), primitives.sphere_outline(0.7, AROUND),
+    primitives.capsule_outline(0.4, 0.4, 0.8, AROUND),
+    primitives.capsule_outline(0.4, 0.2, 0.1, AROUND), primitives.cylinder_outline(0.4, 0.3, 0.8, AROUND),
+    primitives.cylinder_outline(0.5, 0.0, 0.8, AROUND),
 ], ids=["box", "ball", "capsule", "two half balls", "cylinder", "cone"])
 def test_a_solid_is_closed_and_holds_no_point_twice(solid):
     """A collider's inside is told by its closed surface: each edge has two sides, and Euler's number is 2."""
     points, triangles = solid
-    edges, used = topology.edges(triangles), np.unique(triangles)
-    assert len(topology.hinges(triangles)) == len(edges) and len(used) == len(points)
+    edges, used = topology.edges_of_triangles(triangles), np.unique(triangles)
+    assert len(topology.hinges_of_triangles(triangles)) == len(edges) and len(used) == len(points)
     assert len(points) - len(edges) + len(triangles) == 2
-    assert mesh.examine("/solid", points.astype(np.float32), np.full(len(triangles), 3), triangles.ravel()) == []
+    assert mesh.check_polygon_mesh("/solid", points.astype(np.float32), np.full(len(triangles), 3), triangles.ravel()) == []
 
 
 @pytest.mark.parametrize("scale, mirrored", [((1, 1, 1), False), ((1, -2, 1), True), ((-1, -1, 3), False)])
 def test_a_mesh_collider_stays_outward_under_a_mirror(scale, mirrored):
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    points, triangles = primitives.box((1.0, 2.0, 3.0))
+    points, triangles = primitives.box_outline((1.0, 2.0, 3.0))
     counts, indices = np.full(12, 3), triangles.ravel()
     mesh = UsdGeom.Mesh.Define(stage, "/m")
     mesh.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in points])
     mesh.CreateFaceVertexCountsAttr(counts.tolist())
     mesh.CreateFaceVertexIndicesAttr(indices.tolist())
     mesh.AddScaleOp().Set(scale)
-    found = load_collider(Reading(stage, Units.of(stage)), mesh.GetPrim())
+    found = load_collider(StageReading(stage, StageUnits.of(stage)), mesh.GetPrim())
     assert np.array_equal(found.shape.indices, indices) != mirrored and _outward(found.shape)
     M = found.motion.at(0.0)
     world = found.shape.points @ M[:3, :3].T + M[:3, 3]
@@ -166,7 +167,7 @@ def test_animated_points_and_xforms_of_a_collider_are_followed():
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)
     stage.SetStartTimeCode(10)
-    points, triangles = primitives.box((1.0, 1.0, 1.0))
+    points, triangles = primitives.box_outline((1.0, 1.0, 1.0))
     counts, indices = np.full(12, 3), triangles.ravel()
     mesh = UsdGeom.Mesh.Define(stage, "/m")
     mesh.CreateFaceVertexCountsAttr(counts.tolist())
@@ -176,7 +177,7 @@ def test_animated_points_and_xforms_of_a_collider_are_followed():
     spin = mesh.AddRotateZOp()
     spin.Set(0.0, 10.0)
     spin.Set(90.0, 34.0)
-    reading = Reading(stage, Units.of(stage), frames=24)
+    reading = StageReading(stage, StageUnits.of(stage), frames=24)
     found = load_collider(reading, mesh.GetPrim())
     assert found.shape.poses.times.tolist() == [0.0, 0.5]
     assert np.allclose(found.shape.poses.at(0.25), 0.02 * points, rtol=1e-6)
@@ -193,7 +194,7 @@ def test_an_animated_scale_becomes_animated_points():
     scale = ball.AddScaleOp()
     scale.Set((1.0, 1.0, 1.0), 0.0)
     scale.Set((3.0, 3.0, 3.0), 24.0)
-    reading = Reading(stage, Units.of(stage), frames=24)
+    reading = StageReading(stage, StageUnits.of(stage), frames=24)
     found = load_collider(reading, ball.GetPrim())
     assert "its scale is animated" in str(reading.problems[0])
     assert np.allclose(np.linalg.norm(found.shape.poses.at(0.5), axis=1), 2.0, rtol=1e-6)
@@ -203,7 +204,7 @@ def test_a_scale_of_zero_is_an_error_with_the_path():
     stage = Usd.Stage.CreateInMemory()
     ball = UsdGeom.Sphere.Define(stage, "/b")
     ball.AddScaleOp().Set((1.0, 0.0, 1.0))
-    reading = Reading(stage, Units.of(stage))
+    reading = StageReading(stage, StageUnits.of(stage))
     assert load_collider(reading, ball.GetPrim()) is None
     assert reading.problems[0].fatal and reading.problems[0].path == "/b" and "flattens" in reading.problems[0].text
 
@@ -212,5 +213,5 @@ def test_split_gives_a_rotation_and_what_is_left():
     rng = np.random.default_rng(4)
     for _ in range(50):
         L = rng.normal(size=(3, 3))
-        R, S = split(L)
+        R, S = split_rotation_scale(L)
         assert np.abs(R @ S - L).max() < 1e-12 and np.abs(R.T @ R - np.eye(3)).max() < 1e-12 and np.linalg.det(R) > 0

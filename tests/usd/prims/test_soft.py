@@ -14,7 +14,7 @@ from tools.lint import ROOT
 from wsim.geometry.tetra import tets as meshes
 from wsim.scene import Pin, Plane, Scene, Skin, Soft, shapes
 from wsim.scene.check import soft as check_soft
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.solid import MODELS, Bulk
 from wsim.usd import load, names, save
 
@@ -72,7 +72,7 @@ def soft_scene(seed: int) -> Scene:
 @pytest.fixture
 def all_of_it(monkeypatch):
     """A stage can say more than is simulated yet: pressure, quadratic tets, plasticity."""
-    monkeypatch.setattr(check_soft, "pending", lambda thing: ())
+    monkeypatch.setattr(check_soft, "check_unsupported_material", lambda thing: ())
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -121,8 +121,8 @@ def test_the_bear_loads_checks_saves_and_loads_equal(read, tmp_path):
                  f'{{\nuniform token axis = "Y"\n{place("double3 xformOp:translate", "(0, -1, 0)")}\n}}\n')
     soft = scene.softs[0]
     assert (soft.path, len(soft.points), len(soft.tets)) == ("/zoo/bear", 961, 3008)
-    assert meshes.volumes(soft.points, soft.tets).sum() == pytest.approx(98.4285, rel=1e-5)       # as its mesher had it
-    assert check(scene) == [] and {n.text.split()[0] for n in scene.notes} == {
+    assert meshes.signed_tet_volumes(soft.points, soft.tets).sum() == pytest.approx(98.4285, rel=1e-5)  # as its mesher had it
+    assert check_scene(scene) == [] and {n.text.split()[0] for n in scene.notes} == {
         "physics:staticFriction", "physics:dynamicFriction", "physics:density", "has"}           # and no range of time
     save(scene, tmp_path / "b.usdc")
     assert load(tmp_path / "b.usdc") == scene
@@ -193,7 +193,7 @@ def test_volumes_are_positive_in_the_world_whatever_the_handedness(read, orienta
     scene = read(volume(f'{SOLID}\nuniform token orientation = "{orientation}"\n'
                         + place("float3 xformOp:scale", f"({scale}, 1, 1)"), geometry=geometry) + solid())
     soft = scene.softs[0]
-    assert (meshes.volumes(soft.motion.points(soft.points), soft.tets) > 0).all() and "wound" not in notes(scene)
+    assert (meshes.signed_tet_volumes(soft.motion.points(soft.points), soft.tets) > 0).all() and "wound" not in notes(scene)
     assert soft.tets[0].tolist() == ([0, 1, 2, 3] if scale > 0 else [0, 1, 3, 2])
 
 
@@ -201,7 +201,7 @@ def test_wrong_winding_is_mended_with_a_warning_that_names_the_first_tet(read):
     scene = read(volume(geometry=TWO.replace("(1, 2, 3, 4)", "(2, 1, 3, 4)")) + solid())
     assert "/ball: 1 of its 2 tets are wound against its orientation rightHanded (first: tet 1)" in notes(scene)
     soft = scene.softs[0]
-    assert (meshes.volumes(soft.points, soft.tets) > 0).all() and not any(p.fatal for p in check(scene))
+    assert (meshes.signed_tet_volumes(soft.points, soft.tets) > 0).all() and not any(p.fatal for p in check_scene(scene))
 
 
 @pytest.mark.parametrize("rest, expected, said", [

@@ -10,9 +10,9 @@ from tests.make.validate import validate
 from tests.usd.result.test_recorder import CLOTH, author, world
 from wsim.cli import main
 from wsim.usd import clips
-from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.beside import SidecarFiles
 from wsim.usd.result.recorder import Recorder
-from wsim.usd.result.restart import Result, copy_samples, load_restart
+from wsim.usd.result.restart import ResultReader, copy_samples, load_restart
 
 
 def record(scene, path, frames: int = 3, clip: bool = True, interrupted: bool = False, **more):
@@ -68,7 +68,7 @@ def test_samples_between_frames_are_in_the_file_of_their_frame(tmp_path):
         recorder.append(recorder.time_code(k), *world(frame=int(2 * k)))
     recorder.close()
     assert len(os.listdir(tmp_path / "out.clips")) == 3
-    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0, 1.5, 2.0, 2.5]
+    assert ResultReader(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0, 1.5, 2.0, 2.5]
 
 
 def test_a_new_result_has_a_folder_of_its_own_until_the_old_one_goes(tmp_path):
@@ -76,7 +76,7 @@ def test_a_new_result_has_a_folder_of_its_own_until_the_old_one_goes(tmp_path):
     for clip, folders in ((True, ["out.clips"]), (True, ["out.clips2"]), (True, ["out.clips"]), (False, [])):
         record(scene, tmp_path / "out.usdc", clip=clip)
         assert [name for name in sorted(os.listdir(tmp_path)) if "clips" in name] == folders
-        assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0, 2.0, 3.0]
+        assert ResultReader(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0, 2.0, 3.0]
 
 
 def test_files_of_others_are_not_removed(tmp_path):
@@ -95,7 +95,7 @@ def test_an_interrupted_run_leaves_one_partial_file_and_the_result_before(tmp_pa
     record(scene, tmp_path / "out.usdc")
     record(scene, tmp_path / "out.usdc", frames=2, interrupted=True)
     assert sorted(os.listdir(tmp_path)) == ["out.clips", "out.partial.usdc", "out.usdc", "s.usda"]
-    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0, 2.0, 3.0]
+    assert ResultReader(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0, 2.0, 3.0]
     record(scene, tmp_path / "out.usdc")
     assert "out.recovered.usdc" in os.listdir(tmp_path)
 
@@ -104,11 +104,11 @@ def test_a_disk_that_takes_no_clips_leaves_the_partial_file(tmp_path, monkeypatc
     def full(layer, path):
         raise OSError("No space left on device")
     scene = author(tmp_path / "s.usda")
-    monkeypatch.setattr(clips, "_save", full)
+    monkeypatch.setattr(clips, "_export_layer", full)
     with pytest.raises(OSError, match="No space left"):
         record(scene, tmp_path / "out.usdc")
     assert sorted(os.listdir(tmp_path)) == ["out.partial.usdc", "s.usda"]
-    assert Result(tmp_path / "out.partial.usdc").time_codes(CLOTH) == [1.0, 2.0, 3.0]
+    assert ResultReader(tmp_path / "out.partial.usdc").time_codes(CLOTH) == [1.0, 2.0, 3.0]
 
 
 def test_a_run_goes_on_from_clips_with_their_samples(tmp_path):
@@ -116,7 +116,7 @@ def test_a_run_goes_on_from_clips_with_their_samples(tmp_path):
     record(scene, tmp_path / "out.usdc")
     restart = load_restart(tmp_path / "out.usdc", scene)
     assert restart.frame == 2
-    stage, beside = Usd.Stage.CreateInMemory(), Beside(str(tmp_path / "next.usdc"))
+    stage, beside = Usd.Stage.CreateInMemory(), SidecarFiles(str(tmp_path / "next.usdc"))
     stage.DefinePrim(CLOTH, "Mesh")
     assert copy_samples(restart, stage, scene, beside) == [1.0, 2.0, 3.0]
     os.remove(tmp_path / "out.clips/frame.0002.usdc")
@@ -130,7 +130,7 @@ def test_the_command_writes_clips_and_takes_one_form_only(tmp_path, capsys):
     out = tmp_path / "out.usdc"
     args = ["run", str(tmp_path / "scene.usda"), "-o", str(out), "--frames", "2", "--device", "cpu", "--quiet", "--clips"]
     assert main(args) == 0
-    assert len(os.listdir(tmp_path / "out.clips")) == 4 and Result(out).time_codes("/cloth") == [0.0, 1.0, 2.0]
+    assert len(os.listdir(tmp_path / "out.clips")) == 4 and ResultReader(out).time_codes("/cloth") == [0.0, 1.0, 2.0]
     with pytest.raises(SystemExit):
         main([*args, "--flatten"])
     assert "give one of them" in capsys.readouterr().err

@@ -14,14 +14,14 @@ from tests.usd.result.test_clips import record
 from tests.usd.result.test_kinds import FRAMES, author, check, files, register, run
 from tests.usd.result.test_recorder import author as cloth
 from wsim.cli import main
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.scene import Scene, SceneError
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 from wsim.usd.result.kinds import sidecar
-from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.beside import SidecarFiles
 from wsim.usd.result.kinds.duplicate import copy_result
-from wsim.usd.result.kinds.siblings import KEY, referred
+from wsim.usd.result.kinds.siblings import KEY, is_referenced_by_sibling
 from wsim.usd.result.recorder import Recorder
 from wsim.usd.result.restart import load_restart
 
@@ -127,7 +127,7 @@ def test_restarts_and_interrupted_runs_leave_copies_alone(tmp_path, ending):
 
 def stopped(source, out):
     """A run that ends by Ctrl-C after three frames."""
-    job = prepare(replace(load(source), frames=FRAMES), str(out), lambda s: Simulation(s, device="cpu"))
+    job = prepare_recorded_run(replace(load(source), frames=FRAMES), str(out), lambda s: Simulation(s, device="cpu"))
 
     def stop(sim):
         if sim.frame == 3:
@@ -223,11 +223,12 @@ def test_copy_takes_clips_and_a_scene_made_in_python_along(tmp_path):
 
 def test_a_layer_that_cannot_be_read_counts_as_one_that_refers(tmp_path):
     (tmp_path / "bad.usdc").write_bytes(b"PXR-USDC" + bytes(200))
-    assert referred(str(tmp_path), "a.files/01234567")
+    assert is_referenced_by_sibling(str(tmp_path), "a.files/01234567")
     (tmp_path / "bad.usdc").write_bytes(b"")
-    assert not referred(str(tmp_path), "a.files/01234567")
+    assert not is_referenced_by_sibling(str(tmp_path), "a.files/01234567")
     (tmp_path / "user.usda").write_text('#usda 1.0\ndef Xform "a" { asset f = @a.files/01234567/x.vdb@ }')
-    assert referred(str(tmp_path), "a.files/01234567") and not referred(str(tmp_path), "a.files/76543210")
+    assert is_referenced_by_sibling(str(tmp_path), "a.files/01234567") and not is_referenced_by_sibling(str(tmp_path),
+                                                                                                        "a.files/76543210")
 
 
 def test_volumes_are_numbered_by_frame_after_a_restart_too(tmp_path):
@@ -241,7 +242,7 @@ def test_volumes_are_numbered_by_frame_after_a_restart_too(tmp_path):
     assert names["rest"] == [f"Smoke.{k:04d}.vdb" for k in (7, 8, 9, 10, 11)]
     assert names["blur"] == sorted(f"Smoke.{k:04d}{rest}.vdb" for k in (7, 8) for rest in ("", ".25", ".5", ".75")) + [
         "Smoke.0009.vdb"]
-    beside = Beside(str(tmp_path / "o.usdc"))
+    beside = SidecarFiles(str(tmp_path / "o.usdc"))
     found = [os.path.basename(beside.write_frame(path, code, ".vdb", lambda file: None)) for path in ("/a/Air", "/b/Air")
              for code in (-3.0, 11.9999999)]
     assert found == ["Air.-003.vdb", "Air.0012.vdb", "Air~2.-003.vdb", "Air~2.0012.vdb"]

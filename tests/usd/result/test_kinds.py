@@ -13,7 +13,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdVol
 from tests.make.sparks import ROW
 from tests.make.sparks.objects import GRAVITY, WIDTH, Sparks
 from tests.usd.result.test_partial import run as process
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.scene import Scene, SceneError, methods
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
@@ -43,8 +43,8 @@ def author(path, count: int = 100, **more) -> str:
 
 
 def run(source: str, output, frames: int = FRAMES, restart=None, **more):
-    job = prepare(replace(load(source), frames=frames), str(output), lambda s: Simulation(s, device="cpu"),
-                  restart=restart and str(restart), **more)
+    job = prepare_recorded_run(replace(load(source), frames=frames), str(output), lambda s: Simulation(s, device="cpu"),
+                               restart=restart and str(restart), **more)
     job.frames()
     return job
 
@@ -79,7 +79,7 @@ def check(result, count: int = 100, frames: int = FRAMES) -> None:
         assert {name: str(path) for name, path in fields.items()} == {n: f"{PATH}/Smoke/{n}" for n in ("density", "speed")}
         assets = [UsdVol.OpenVDBAsset(stage.GetPrimAtPath(path)) for path in fields.values()]
         names = {asset.GetFilePathAttr().Get(k).resolvedPath for asset in assets}
-        grids = vdb_read.read(names.pop())
+        grids = vdb_read.read_vdb(names.pop())
         assert not names and [grids[asset.GetFieldNameAttr().Get()].values.sum() for asset in assets] == [count, 3 * count]
         assert np.allclose(grids["density"].place, 0.625) and np.allclose(grids["speed"].voxel, 0.25)
 
@@ -169,7 +169,7 @@ def test_a_killed_run_is_recovered_with_its_files_and_gone_on_from(tmp_path, mon
         from tests.usd.result import test_kinds as own
         own.register(setattr)
         own.sidecar.LARGE, partial.SHARE = 1000, 1.0
-        job = own.prepare(own.load(sys.argv[1]), sys.argv[2], lambda s: own.Simulation(s, device="cpu"))
+        job = own.prepare_recorded_run(own.load(sys.argv[1]), sys.argv[2], lambda s: own.Simulation(s, device="cpu"))
         def watch(sim):
             if sim.frame == 4:
                 print("ready", flush=True)
@@ -182,7 +182,7 @@ def test_a_killed_run_is_recovered_with_its_files_and_gone_on_from(tmp_path, mon
     child.send_signal(signal.SIGKILL)
     child.wait()
     assert not (tmp_path / "o.usdc").exists() and files(tmp_path / "o.files")
-    empty = prepare(load(source), str(tmp_path / "o.usdc"), lambda s: Simulation(s, device="cpu"))
+    empty = prepare_recorded_run(load(source), str(tmp_path / "o.usdc"), lambda s: Simulation(s, device="cpu"))
     kept = tmp_path / "o.recovered.usdc"
     assert kept.exists() and empty.recorder.close() is None and not kept.exists()           # nothing written: put back
     job = run(source, tmp_path / "o.usdc", FRAMES, tmp_path / "o.partial.usdc")
@@ -198,22 +198,22 @@ def test_a_killed_run_is_recovered_with_its_files_and_gone_on_from(tmp_path, mon
 
 def test_an_unknown_kind_and_a_prim_of_another_type_are_named(tmp_path):
     source = author(tmp_path / "s.usda")
-    job = prepare(load(source), str(tmp_path / "o.usdc"), lambda s: Simulation(s, device="cpu"))
-    from wsim.scene.samples import Particles, Volume
-    for sample, said in (("smoke", "a method hands a str to the result; there are Points, Transform"),
-                         (Particles(PATH, np.zeros((1, 3)), np.ones(1), np.zeros(1)), f"{PATH}: is a Xform")):
+    job = prepare_recorded_run(load(source), str(tmp_path / "o.usdc"), lambda s: Simulation(s, device="cpu"))
+    from wsim.scene.samples import ParticleSample, VolumeSample
+    for sample, said in (("smoke", "a method hands a str to the result; there are PointSample, TransformSample"),
+                         (ParticleSample(PATH, np.zeros((1, 3)), np.ones(1), np.zeros(1)), f"{PATH}: is a Xform")):
         with pytest.raises(SceneError, match=said):
-            smoke = Volume(f"{PATH}/Smoke", np.zeros(3), 1.0, {"density": np.ones((1, 1, 1), np.float32)})
+            smoke = VolumeSample(f"{PATH}/Smoke", np.zeros(3), 1.0, {"density": np.ones((1, 1, 1), np.float32)})
             job.recorder.append(0.0, {}, others=[smoke, sample])
     assert not files(tmp_path / "o.files") and job.recorder.close() is None and not (tmp_path / "o.files").exists()
 
 
 def test_particles_of_another_number_each_frame_are_drawn_where_they_are(tmp_path):
     """What is not there yet has no area."""
-    from wsim.show.prim import triangulated
+    from wsim.show.prim import triangulate_prim
     run(author(tmp_path / "s.usda", 30), tmp_path / "o.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "o.usdc"))
-    drawn = triangulated(stage.GetPrimAtPath(f"{PATH}/Lit"), "plain", 0, 0.0, 1.0)
+    drawn = triangulate_prim(stage.GetPrimAtPath(f"{PATH}/Lit"), "plain", 0, 0.0, 1.0)
     for frame, lit in ((0, 0), (1, 10), (2, 20), (FRAMES, 30)):
         p = drawn.points(float(frame))
         X = p[drawn.look.triangles]

@@ -17,15 +17,15 @@ from tests.cli.test_cli import wsim
 from tests.usd.result.test_partial import run
 from tests.usd.result.test_recorder import CLOTH, author, record, world
 from wsim.scene import SceneError
-from wsim.show.visible import visible
+from wsim.show.visible import read_visible_stage
 from wsim.usd import save
 from wsim.usd.new.cloth import author_cloth
 from wsim.usd.result import crate, lock
-from wsim.usd.result.dependencies import files
+from wsim.usd.result.dependencies import stage_dependencies
 from wsim.usd.result.fitted import check_target
-from wsim.usd.result.lock import Lock
+from wsim.usd.result.lock import OutputLock
 from wsim.usd.result.recorder import Recorder
-from wsim.usd.result.restart import Result, load_restart
+from wsim.usd.result.restart import ResultReader, load_restart
 
 
 def contents(folder) -> dict:
@@ -53,7 +53,7 @@ def test_a_planted_index_is_written_to_nothing(tmp_path, text, link):
     index.symlink_to("planted") if link else index.write_bytes(text)
     before = contents(tmp_path)
     assert load_restart(tmp_path / "a.partial.usdc", scene).frame == 2
-    assert visible(tmp_path / "a.partial.usdc").times == [1.0, 2.0, 3.0]
+    assert read_visible_stage(tmp_path / "a.partial.usdc").times == [1.0, 2.0, 3.0]
     with pytest.raises(FileExistsError, match=r"a\.partial\.usdc\.index is in the way"):
         Recorder(scene, tmp_path / "a.usdc")
     assert contents(tmp_path) == before
@@ -81,7 +81,7 @@ def test_a_result_is_read_while_it_is_written(tmp_path):
             for f in range(10**6):
                 recorder.append(1.0 + f, *world(frame=f))
                 if f == 3:
-                    print(*Result(path.replace(".usdc", ".partial.usdc")).time_codes(CLOTH), flush=True)
+                    print(*ResultReader(path.replace(".usdc", ".partial.usdc")).time_codes(CLOTH), flush=True)
                 if os.path.exists(sys.argv[1] + "/stop"):
                     break
         print(f, flush=True)
@@ -90,7 +90,7 @@ def test_a_result_is_read_while_it_is_written(tmp_path):
     assert process.stdout.readline() == "1.0 2.0 3.0 4.0\n"
     (tmp_path / "link.usdc").symlink_to("out.partial.usdc")
     for k in range(30):
-        result = Result(tmp_path / ("out.partial.usdc", "link.usdc")[k % 2])
+        result = ResultReader(tmp_path / ("out.partial.usdc", "link.usdc")[k % 2])
         code = result.time_codes(CLOTH)[-1]
         assert code >= seen and np.abs(result.positions(CLOTH, code) - world(frame=int(code) - 1)[0][CLOTH]).max() < 1e-6
         seen = code
@@ -98,7 +98,7 @@ def test_a_result_is_read_while_it_is_written(tmp_path):
     (tmp_path / "stop").touch()
     told, failed = process.communicate()
     assert process.returncode == 0, failed
-    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0 + f for f in range(int(told) + 1)]
+    assert ResultReader(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0 + f for f in range(int(told) + 1)]
     assert sorted(os.listdir(tmp_path)) == ["out.usdc", "s.usda", "stop"]
 
 
@@ -106,16 +106,16 @@ def test_a_save_that_comes_while_a_file_is_read_is_waited_for(tmp_path, monkeypa
     recorder = Recorder(author(tmp_path / "s.usda"), tmp_path / "out.usdc")
     recorder.file.due = lambda: True
     recorder.append(1.0, *world())
-    of = crate.Index.of
+    of = crate.CrateIndex.of
 
     def saved_meanwhile(file):
         found = of(file)
-        monkeypatch.setattr(crate.Index, "of", staticmethod(of))
+        monkeypatch.setattr(crate.CrateIndex, "of", staticmethod(of))
         recorder.append(2.0, *world(frame=1))
         return found
 
-    monkeypatch.setattr(crate.Index, "of", staticmethod(saved_meanwhile))
-    assert Result(recorder.file.path).time_codes(CLOTH) == [1.0, 2.0]
+    monkeypatch.setattr(crate.CrateIndex, "of", staticmethod(saved_meanwhile))
+    assert ResultReader(recorder.file.path).time_codes(CLOTH) == [1.0, 2.0]
     recorder.close()
 
 
@@ -201,17 +201,17 @@ def test_without_locks_of_the_system_a_living_process_counts(tmp_path, monkeypat
 
     monkeypatch.setattr(lock, "_system_lock", none)
     path, output = tmp_path / "out.lock", str(tmp_path / "out.usdc")
-    held = Lock(str(path), output)
+    held = OutputLock(str(path), output)
     with pytest.raises(BlockingIOError, match=f"process {os.getpid()} on"):
-        Lock(str(path), output)
+        OutputLock(str(path), output)
     said = json.loads(path.read_text())
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
     path.write_text(json.dumps(said | {"pid": process.pid}))
-    Lock(str(path), output).release()
+    OutputLock(str(path), output).release()
     path.write_text(json.dumps(said | {"pid": process.pid, "host": "elsewhere"}))
     with pytest.raises(BlockingIOError, match=f"on elsewhere, since .*remove {path}"):
-        Lock(str(path), output)
+        OutputLock(str(path), output)
     held.release()
 
 
@@ -252,9 +252,9 @@ NAMES = ["s.usda", "below.usda", "kept.usda", "inside.png", "outside.png", "tile
 
 
 def test_the_files_of_a_scene_are_those_of_every_variant(rich):
-    assert files(rich / "s.usda") == {str(rich / name) for name in NAMES}
+    assert stage_dependencies(rich / "s.usda") == {str(rich / name) for name in NAMES}
     (rich / "below.usda").write_text("#usda 1.0\n def {{{")          # named all the same
-    assert files(rich / "s.usda") == {str(rich / name) for name in NAMES}
+    assert stage_dependencies(rich / "s.usda") == {str(rich / name) for name in NAMES}
 
 
 @pytest.mark.parametrize("command", [

@@ -58,8 +58,8 @@ def test_other_settings_are_said_and_the_restart_is_not_exact(half, tmp_path, ca
     ({"version": "0.0.0"}, "wsim 0.0.0 then"), ({"settings": {"device": "cuda"}}, "device cuda then, cpu now")])
 def test_another_version_or_device_is_said_too(was, said):
     now = {"device": "cpu", "precision": "float32"}
-    (found,) = provenance.differences({"version": __version__, "settings": now} | was, now)
-    assert found.startswith(said) and provenance.differences({"version": __version__, "settings": now}, now) == []
+    (found,) = provenance.changed_settings({"version": __version__, "settings": now} | was, now)
+    assert found.startswith(said) and provenance.changed_settings({"version": __version__, "settings": now}, now) == []
 
 
 def changed(scene: Scene, **fields) -> Scene:
@@ -103,20 +103,20 @@ def test_where_a_run_begins_and_what_is_only_seen_do_not_count(half):
     scene = load(half[0])
     scene.frames, scene.error = 100, 0.5
     scene.cloths[0].velocities = np.ones((16, 3))
-    assert provenance.of_scene(scene) == provenance.of_scene(load(half[0]))
+    assert provenance.scene_digests(scene) == provenance.scene_digests(load(half[0]))
 
 
 def test_a_motion_that_was_asked_where_it_is_has_the_digest_of_one_that_was_not():
     """It keeps rotations of its keys once it was asked."""
     motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])]))
-    before = provenance.digest(motion)
+    before = provenance.content_digest(motion)
     motion.at(0.5)
-    assert motion.turned and provenance.digest(motion) == before
+    assert motion.turned and provenance.content_digest(motion) == before
 
 
 def test_a_result_from_before_a_field_was_there_fits_a_scene_that_leaves_it_alone(half):
-    made = provenance.read(Sdf.Layer.FindOrOpen(half[1]))
+    made = provenance.read_provenance(Sdf.Layer.FindOrOpen(half[1]))
     del made["scene"]["/cloth"]["bends"], made["scene"]["/"]["contact_width"]
-    assert provenance.match("old", made, sheet()) == []
-    (note,) = provenance.match("old", made, changed(sheet(), bends=np.full(9, 2e-4, np.float32)))
+    assert provenance.warn_of_scene_changes("old", made, sheet()) == []
+    (note,) = provenance.warn_of_scene_changes("old", made, changed(sheet(), bends=np.full(9, 2e-4, np.float32)))
     assert "/cloth: bends" in note.text

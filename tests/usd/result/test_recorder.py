@@ -12,7 +12,7 @@ from tests.make.validate import validate
 from wsim.scene import Plane, Scene, SceneError
 from wsim.scene.curve import Motion
 from wsim.usd.result.recorder import Recorder
-from wsim.usd.result.restart import Result, load_restart
+from wsim.usd.result.restart import ResultReader, load_restart
 
 EPS = np.finfo(np.float32).eps
 CLOTH = "/World/Frame/cloth"
@@ -86,7 +86,7 @@ FRAMES = {
 def test_world_positions_come_back_through_the_prims_frame(tmp_path, matrices):
     scene = author(tmp_path / "s.usda", matrices=matrices)
     record(scene, tmp_path / "out.usdc")
-    result = Result(tmp_path / "out.usdc")
+    result = ResultReader(tmp_path / "out.usdc")
     for f in range(3):
         p, v = world(frame=f)
         reach = 1.8 + 0.4                           # [m]: the places and the frame's own shift, rounded once to float32
@@ -116,7 +116,7 @@ def test_a_cloth_a_kilometre_away_loses_nothing_where_its_prim_is_there_too(tmp_
     p, v = world(around=away)
     with Recorder(scene, tmp_path / "out.usdc") as recorder:
         recorder.append(1.0, p, v)
-    found = Result(tmp_path / "out.usdc").positions(CLOTH, 1.0)
+    found = ResultReader(tmp_path / "out.usdc").positions(CLOTH, 1.0)
     assert np.abs(found - p[CLOTH]).max() < EPS                     # local places are below 1 m
 
 
@@ -307,7 +307,7 @@ def test_each_format_passes_the_validators_and_leaves_one_file(tmp_path, name, f
     assert validate(folder / name) == []
     layer = Sdf.Layer.FindOrOpen(str(folder / name))
     assert list(layer.subLayerPaths) == ([] if flatten else ["../s.usda"])
-    assert np.abs(Result(folder / name).positions(CLOTH, 3.0) - world(frame=2)[0][CLOTH]).max() < 2 * EPS
+    assert np.abs(ResultReader(folder / name).positions(CLOTH, 3.0) - world(frame=2)[0][CLOTH]).max() < 2 * EPS
 
 
 def test_the_validators_find_a_fault(tmp_path):
@@ -372,7 +372,7 @@ def test_arrays_that_do_not_fit_are_named_and_write_nothing(tmp_path):
                 recorder.append(2.0, bad, v)
         with pytest.raises(ValueError, match="not later than 1"):
             recorder.append(1.0, p, v)
-    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0]
+    assert ResultReader(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0]
 
 
 def test_an_interrupted_run_keeps_its_frames_beside_an_earlier_result_and_one_without_frames_leaves_no_file(tmp_path):
@@ -386,7 +386,7 @@ def test_an_interrupted_run_keeps_its_frames_beside_an_earlier_result_and_one_wi
             raise error
         kept = tmp_path / "out.partial.usdc"
         assert recorder.kept == str(kept) and recorder.result is None and digest(tmp_path / "out.usdc") == before
-        assert Result(kept).time_codes(CLOTH) == [1.0]
+        assert ResultReader(kept).time_codes(CLOTH) == [1.0]
         assert Sdf.Layer.OpenAsAnonymous(str(kept)).customLayerData["wsim:interrupted"] is True
     assert sorted(os.listdir(tmp_path)) == ["out.partial.usdc", "out.recovered.usdc", "out.usdc", "s.usda"]
     with Recorder(scene, tmp_path / "none.usdc"):

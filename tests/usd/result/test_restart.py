@@ -8,7 +8,7 @@ from tests.usd.result.test_recorder import CLOTH, SIDE, author, world
 from wsim.scene import SceneError
 from wsim.usd.result.kinds import sidecar
 from wsim.usd.result.recorder import Recorder
-from wsim.usd.result.restart import Result, load_restart
+from wsim.usd.result.restart import ResultReader, load_restart
 
 N = SIDE * SIDE
 
@@ -75,7 +75,7 @@ def test_the_result_of_a_restart_is_that_of_a_run_in_one(tmp_path, name, flatten
     record(scene, tmp_path / "out.usdc", 4, flatten=flatten)
     restart = load_restart(tmp_path / "out.usdc", scene)
     record(scene, tmp_path / name, 6, first=restart.frame, continues=restart)     # the restart's own frame comes again
-    whole, joined = Result(tmp_path / "all.usdc"), Result(tmp_path / name)
+    whole, joined = ResultReader(tmp_path / "all.usdc"), ResultReader(tmp_path / name)
     assert joined.time_codes(CLOTH) == whole.time_codes(CLOTH) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     for code in whole.time_codes(CLOTH):
         assert np.array_equal(joined.positions(CLOTH, code), whole.positions(CLOTH, code))

@@ -67,7 +67,7 @@ def test_a_repeated_frame_of_an_explicit_run_is_the_same_to_the_bit():
     kept = sim.fields()
     sim.plan.before_frame(sim.time)
     sim._replay()
-    sim.state.restore()
+    sim.state.restore_snapshot()
     assert all(np.array_equal(kept[name], now) for name, now in sim.fields().items()) and np.any(kept["r"])
 
 

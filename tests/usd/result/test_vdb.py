@@ -32,25 +32,25 @@ def made() -> np.ndarray:
     return values
 
 
-def several(seed: int = 0) -> list[vdb.Grid]:
+def several(seed: int = 0) -> list[vdb.VdbGrid]:
     """More than one lower node, leaves that are full, cut off, empty and mixed; vectors; no active voxel; halves."""
     rng, shape = np.random.default_rng(seed), (20, 33, 150)
     density, velocity = np.zeros(shape, np.float32), rng.normal(size=(*shape, 3)).astype(np.float32)
     density[3:15, 5:30, 10:140] = rng.normal(size=(12, 25, 130))
     density[4, 6, 11], velocity[:10] = 0.0, 0.0
-    return [vdb.Grid("density", density, np.array([0.5, 0.25, 0.1]), np.full(3, 0.5)),
-            vdb.Grid("velocity", velocity, np.zeros(3), np.array([1.0, 2.0, 3.0]), kind="unknown",
-                     metadata={"vector_type": "contravariant relative"}),
-            vdb.Grid("nothing", np.zeros((5, 6, 7), np.float32)), vdb.Grid("half", density.astype(np.float16))]
+    return [vdb.VdbGrid("density", density, np.array([0.5, 0.25, 0.1]), np.full(3, 0.5)),
+            vdb.VdbGrid("velocity", velocity, np.zeros(3), np.array([1.0, 2.0, 3.0]), kind="unknown",
+                        metadata={"vector_type": "contravariant relative"}),
+            vdb.VdbGrid("nothing", np.zeros((5, 6, 7), np.float32)), vdb.VdbGrid("half", density.astype(np.float16))]
 
 
 def written(path, grids) -> str:
     with open(path, "wb") as file:
-        vdb.write(file, grids)
+        vdb.write_vdb(file, grids)
     return str(path)
 
 
-def whole(grid: vdb.Grid, shape) -> np.ndarray:
+def whole(grid: vdb.VdbGrid, shape) -> np.ndarray:
     """What was read in a grid of that shape, of which leaves may stick out."""
     found = np.zeros((*(-(-np.array(shape[:3]) // 8) * 8), *shape[3:]), grid.values.dtype)
     found[tuple(slice(a, a + n) for a, n in zip(grid.first, grid.values.shape, strict=False))] = grid.values
@@ -61,20 +61,20 @@ def whole(grid: vdb.Grid, shape) -> np.ndarray:
 
 def test_grids_come_back_to_the_bit(tmp_path):
     given = several()
-    found = vdb_read.read(written(tmp_path / "a.vdb", given))
+    found = vdb_read.read_vdb(written(tmp_path / "a.vdb", given))
     assert list(found) == [g.name for g in given]
     for g in given:
         f = found[g.name]
         assert np.array_equal(whole(f, g.values.shape), g.values) and f.values.dtype == g.values.dtype
         assert np.array_equal(f.place, g.place) and np.array_equal(f.voxel, g.voxel) and f.kind == g.kind
         assert f.metadata.items() >= g.metadata.items()
-    assert list(vdb_read.read(tmp_path / "a.vdb", ("half",))) == ["half"]
+    assert list(vdb_read.read_vdb(tmp_path / "a.vdb", ("half",))) == ["half"]
     assert written(tmp_path / "b.vdb", given) and (tmp_path / "a.vdb").read_bytes() == (tmp_path / "b.vdb").read_bytes()
 
 
 def test_a_file_of_openvdb_is_read(tmp_path):
     (tmp_path / "theirs.vdb").write_bytes(zlib.decompress(base64.b85decode(THEIRS)))
-    found = vdb_read.read(tmp_path / "theirs.vdb")
+    found = vdb_read.read_vdb(tmp_path / "theirs.vdb")
     density, velocity, a = found["density"], found["velocity"], made()
     wanted = np.zeros((32, 16, 16), np.float32)
     wanted[:6, :6, :6], wanted[16:] = a, 1.5
@@ -128,7 +128,7 @@ def test_tinyvdb_reads_the_files(tmp_path):
     """Leaf for leaf. (Its list of active voxels, in 0.9.0, ends early for larger trees, of OpenVDB's own files too.)"""
     tinyvdb = pytest.importorskip("tinyvdb", reason="tinyvdb is not installed (pip install tinyvdb)")
     small = several()[0].values[:16, :16, :16]
-    file = tinyvdb.open(written(tmp_path / "a.vdb", [*several()[:2], vdb.Grid("small", np.ascontiguousarray(small))]))
+    file = tinyvdb.open(written(tmp_path / "a.vdb", [*several()[:2], vdb.VdbGrid("small", np.ascontiguousarray(small))]))
     file.read_grids()
     grids = {file.grid(k).name: file.grid(k) for k in range(file.grid_count)}
     sparse = grids["small"].to_sparse()
@@ -147,13 +147,13 @@ def test_empty_space_takes_no_room_and_a_million_voxels_little_time(tmp_path):
     values = np.zeros((128, 128, 128), np.float32)
     values[40:48, 40:48, 40:48] = 1.0
     names = 400                                               # header, names, metadata, transform
-    written(tmp_path / "a.vdb", [vdb.Grid("density", values)])
+    written(tmp_path / "a.vdb", [vdb.VdbGrid("density", values)])
     assert (tmp_path / "a.vdb").stat().st_size < 8193 + 1025 + 64 + 65 + 4 * 512 + 2 * names
     values[...] = 1.0
     best = np.inf
     for _ in range(3):
         began = process_time()
-        written(tmp_path / "a.vdb", [vdb.Grid("density", values)])
+        written(tmp_path / "a.vdb", [vdb.VdbGrid("density", values)])
         best = min(best, process_time() - began)
     assert (tmp_path / "a.vdb").stat().st_size < 4 * 128**3 + 4096 * (64 + 65) + 8193 + 1025 + 2 * names
     assert best < 1.0
@@ -164,7 +164,7 @@ def test_empty_space_takes_no_room_and_a_million_voxels_little_time(tmp_path):
     (np.zeros((1, 1, 4097), np.float32), "4097 voxels"), (np.zeros((2, 2, 2)), "float64")])
 def test_what_no_file_holds_is_refused(tmp_path, values, said):
     with open(tmp_path / "a.vdb", "wb") as file, pytest.raises(ValueError, match=said):
-        vdb.write(file, [vdb.Grid("density", values)])
+        vdb.write_vdb(file, [vdb.VdbGrid("density", values)])
     assert not (tmp_path / "a.vdb").stat().st_size
 
 
@@ -179,4 +179,4 @@ def test_a_file_that_is_cut_or_something_else_is_named(tmp_path):
                         (blosc, "packed by Blosc"), (data.replace(b"Tree_float", b"Tree_int32"), "Tree_int32_5_4_3")):
         path.write_bytes(wrong)
         with pytest.raises(ValueError, match=f"{path} .*{said}"):
-            vdb_read.read(path)
+            vdb_read.read_vdb(path)

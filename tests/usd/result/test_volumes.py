@@ -11,19 +11,19 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils, UsdVol
 
 from tests.usd.result.test_kinds import FRAMES, PATH, author, check, files, register, run
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.scene import SceneError
-from wsim.scene.samples import VOLUME, Volume
+from wsim.scene.samples import VOLUME, VolumeSample
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 from wsim.usd.result.kinds import vdb_read
-from wsim.usd.result.kinds.beside import Beside
-from wsim.usd.result.kinds.rows import taken
+from wsim.usd.result.kinds.beside import SidecarFiles
+from wsim.usd.result.kinds.rows import sample_attribute_values
 
 LOW, CELL = np.array([1.0, 2.0, 3.0]), 0.5
 DENSITY = np.arange(1.0, 25.0, dtype=np.float32).reshape(2, 3, 4)
 VELOCITY = np.stack([DENSITY, 2.0 * DENSITY, -DENSITY], -1)
-SAMPLE = Volume("/World/box", LOW, CELL, {"density": DENSITY, "velocity": VELOCITY}, {"velocity": "m/s"})
+SAMPLE = VolumeSample("/World/box", LOW, CELL, {"density": DENSITY, "velocity": VELOCITY}, {"velocity": "m/s"})
 
 
 @pytest.fixture(autouse=True)
@@ -38,13 +38,13 @@ def stage_of(kind: str, metres: float = 1.0) -> Usd.Stage:
     return stage
 
 
-def put(stage: Usd.Stage, tmp_path, sample: Volume = SAMPLE) -> tuple[dict, UsdVol.Volume]:
+def put(stage: Usd.Stage, tmp_path, sample: VolumeSample = SAMPLE) -> tuple[dict, UsdVol.Volume]:
     """The grids written for a sample, and the volume that names them."""
-    for attribute, value in taken(stage, sample, 1.0, Beside(str(tmp_path / "o.usdc"))):
+    for attribute, value in sample_attribute_values(stage, sample, 1.0, SidecarFiles(str(tmp_path / "o.usdc"))):
         attribute.Set(value, 1.0)
     home = next(UsdVol.Volume(p) for p in stage.Traverse() if p.IsA(UsdVol.Volume))
     names = {UsdVol.OpenVDBAsset(stage.GetPrimAtPath(p)).GetFilePathAttr().Get(1.0).path for p in home.GetFieldPaths().values()}
-    return vdb_read.read(tmp_path / names.pop()), home
+    return vdb_read.read_vdb(tmp_path / names.pop()), home
 
 
 def test_the_volume_of_a_box_stands_beside_it_in_the_world(tmp_path):
@@ -85,7 +85,7 @@ def test_a_volume_that_is_there_has_the_grids_in_its_own_frame(tmp_path):
 
 
 def test_halves_are_stored_as_such(tmp_path):
-    sample = Volume("/World/box", LOW, CELL, {"density": DENSITY.astype(np.float16)})
+    sample = VolumeSample("/World/box", LOW, CELL, {"density": DENSITY.astype(np.float16)})
     stage = stage_of("Xform")
     grids, home = put(stage, tmp_path, sample)
     assert grids["density"].values.dtype == np.float16
@@ -104,7 +104,7 @@ def test_what_cannot_hold_a_grid_is_named(tmp_path):
     stage = stage_of("Xform")
     for fields in ({}, {"a": DENSITY, "b": DENSITY[:1]}, {"a b": DENSITY}):
         with pytest.raises(ValueError, match="allowed is one shape"):
-            put(stage, tmp_path, Volume("/World/box", LOW, CELL, fields))
+            put(stage, tmp_path, VolumeSample("/World/box", LOW, CELL, fields))
     assert not files(tmp_path)
 
 
@@ -123,7 +123,7 @@ def test_files_are_numbered_as_a_sequence_and_go_with_a_folder(tmp_path):
 
 def test_clips_keep_the_files_of_volumes(tmp_path):
     source = author(tmp_path / "s.usda")
-    job = prepare(load(source), str(tmp_path / "o.usdc"), lambda s: Simulation(s, device="cpu"))
+    job = prepare_recorded_run(load(source), str(tmp_path / "o.usdc"), lambda s: Simulation(s, device="cpu"))
     job.recorder.clips = True
     job.frames()
     check(tmp_path / "o.usdc")
@@ -155,7 +155,7 @@ def larger(self, world=0):
     found = taken(self, world)
     if self.part.arrays["frames"].numpy()[0] == 3:
         fields = {{"density": np.ones((64, 64, 64), np.float32)}}
-        found = [own_volume(s, fields) if type(s).__name__ == "Volume" else s for s in found]
+        found = [own_volume(s, fields) if type(s).__name__ == "VolumeSample" else s for s in found]
     return found
 own_volume = lambda s, fields: type(s)(s.path, s.low, s.cell, fields)
 method.Flying.samples = larger
@@ -175,6 +175,6 @@ except OSError as error:
     check(kept, frames=2)
     assert {p.suffix for p in (tmp_path / "o.files").rglob("*.*")} == {".vdb"}
     assert len(list((tmp_path / "o.files").rglob("*.vdb"))) == 3
-    job = prepare(load(source), str(tmp_path / "p.usdc"), lambda s: Simulation(s, device="cpu"), restart=str(kept))
+    job = prepare_recorded_run(load(source), str(tmp_path / "p.usdc"), lambda s: Simulation(s, device="cpu"), restart=str(kept))
     job.frames()
     check(tmp_path / "p.usdc")

@@ -14,7 +14,7 @@ import numpy as np
 from tools.bench.bending.strips import LENGTH, MESHES, strip
 from wsim.geometry import topology
 from wsim.model.model import make_body
-from wsim.physics.cloth.constraints import Constraints, rows_of
+from wsim.physics.cloth.constraints import Constraints, constraints_of_body
 from wsim.physics.motion import frequency
 from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
@@ -28,13 +28,14 @@ def stiffness(points: np.ndarray, triangles: np.ndarray, pinned: np.ndarray, alo
     body = make_body(cloth, 0, 0, 0)
     own = np.empty(len(points), int)
     own[body.index] = np.arange(len(points))
-    (hinges,) = [r for r in rows_of(body, body.index[pinned]) if r.kind == "dihedral"]
+    (hinges,) = [r for r in constraints_of_body(body, body.index[pinned]) if r.kind == "dihedral"]
     if alone:
         p = body.rest[hinges.ids]
-        area = topology.areas(body.rest, hinges.ids[:, [0, 1, 2]]) + topology.areas(body.rest, hinges.ids[:, [1, 0, 3]])
+        area = topology.triangle_areas(body.rest, hinges.ids[:, [0, 1, 2]]) + topology.triangle_areas(body.rest,
+                                                                                                      hinges.ids[:, [1, 0, 3]])
         hinges = Constraints("dihedral", hinges.ids, hinges.rest, area / ((p[:, 1] - p[:, 0])**2).sum(1), hinges.stiffness)
     K = np.zeros((len(points), len(points)))
-    for s in frequency.stiffness([hinges], body):
+    for s in frequency.constraint_stiffness([hinges], body):
         rows = s.J.shape[1]
         J, at = np.zeros((rows * len(s.ids), len(points))), np.arange(rows * len(s.ids)).reshape(-1, rows, 1)
         np.add.at(J, (at, own[s.ids][:, None, :]), s.J[..., 2])
@@ -48,7 +49,7 @@ def drop(mesh: str, cells: int, alone: bool = False, flip: bool = False) -> floa
     if flip:
         triangles[::3] = triangles[::3][:, [0, 2, 1]]
     f, free = np.zeros(len(points)), ~pinned
-    np.add.at(f, triangles.ravel(), np.repeat(topology.areas(points, triangles) / 3.0, 3))
+    np.add.at(f, triangles.ravel(), np.repeat(topology.triangle_areas(points, triangles) / 3.0, 3))
     u = np.linalg.solve(stiffness(points, triangles, pinned, alone)[np.ix_(free, free)], f[free])
     tip = points[free, 0] > points[:, 0].max() - 0.2 * LENGTH / cells
     return float(u[tip].mean() / (LENGTH**4 / 8.0))

@@ -26,7 +26,7 @@ from scenes.examples.live import shirt
 from tools.bench.choice.misses import frame_seconds, track
 from tools.bench.nets.garments import sheet
 from tools.bench.speed import hardware
-from wsim.bench.track import distance, places
+from wsim.bench.track import all_world_positions, rms_point_distance
 from wsim.scene import Scene
 from wsim.simulation.simulation import Simulation
 
@@ -123,7 +123,7 @@ class Accelerated:
             self.plan.frame()
             self.plan.clock.starting = False
             self.sim.frame += 1
-            found.append(places(self.sim))
+            found.append(all_world_positions(self.sim))
         return np.array(found)
 
 
@@ -131,7 +131,7 @@ def beside(scene: Scene, there: np.ndarray, solver: str, integrator: str, subste
     """A row of a simulation as it is, with the CPU seconds of a frame; XPBD: of substeps x iterations sweeps in all."""
     n = substeps // iterations if solver == "xpbd" else substeps
     sim = Simulation(replace(scene, solver=solver, integrator=integrator, substeps=n, iterations=iterations), device="cpu")
-    error = float(distance(track(sim, len(there)), there).max())
+    error = float(rms_point_distance(track(sim, len(there)), there).max())
     seconds = frame_seconds(sim)
     print(f"{solver} {integrator} {n} x {iterations} {1e3 * error:.3g}, {1e3 * seconds:.3g} ms", flush=True)
     return {"how": solver, "integrator": integrator, "substeps": n, "sweeps": iterations, "error": error, "seconds": seconds}
@@ -161,7 +161,7 @@ def main() -> None:
                 continue
             substeps = max(1, round(args.sweeps / each))
             found = Accelerated(scene, substeps, sweeps, how).track(args.frames)
-            error = float(distance(found, there).max()) if np.isfinite(found).all() else float("nan")
+            error = float(rms_point_distance(found, there).max()) if np.isfinite(found).all() else float("nan")
             rows.append({"how": how, "substeps": substeps, "sweeps": sweeps, "error": error})
             said.append(f"{how} {substeps} x {sweeps} {1e3 * error:.3g}")
         print("; ".join(said), flush=True)

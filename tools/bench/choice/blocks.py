@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 import wsim
-from wsim.physics.fused import domains
+from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Motion, Scene, Sphere, shapes
 from wsim.scene.fabric import Fabric
 
@@ -62,16 +62,16 @@ KINDS = {"plain": hung, "damped": lambda n: hung(n, replace(FABRIC, damping=1e-4
 
 def row(kind: str, side: int, blocks: list[int], frames: int) -> dict:
     """What was found for each number of blocks: us a substep, difference [m], threads; nothing where they do not fit."""
-    found, first, usual = {}, None, domains.blocks_of
+    found, first, usual = {}, None, domain_decomposition.blocks_of
     for many in blocks:
-        domains.blocks_of = lambda *given, many=many: [many]
+        domain_decomposition.blocks_of = lambda *given, many=many: [many]
         try:
             sim = wsim.Simulation(KINDS[kind](side), device="cuda:0")
             sim.run(frames)
         except ValueError:                                 # more blocks than points
             continue
         finally:
-            domains.blocks_of = usual
+            domain_decomposition.blocks_of = usual
         x = np.concatenate([sim.positions(b.path) for b in sim.model.bodies])
         first = x if first is None else first
         if plan := sim.plan.ports.force_gather.cluster:

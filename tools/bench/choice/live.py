@@ -19,7 +19,7 @@ import warp as wp
 
 from scenes.examples import live
 from tools.bench.speed import hardware
-from wsim.simulation.measure.memory import held
+from wsim.simulation.measure.memory import bytes_held_by
 
 MADE = {"curtain": lambda points: live.curtain(points), "shirt": lambda points: live.shirt()}
 
@@ -51,9 +51,10 @@ def row(name: str, points: int, frames: int, device) -> dict:
             "cpu_most_over_median": float(own.max() / np.median(own)), "forms": sim.forms, "warnings": sim.warnings}
     if device.is_cuda:
         most = wp.get_mempool_used_mem_high(device) - before
-        said |= {"listed_bytes": held(sim.plan), "peak_bytes": int(most), "peak_over_listed": most / held(sim.plan)}
+        said |= {"listed_bytes": bytes_held_by(sim.plan), "peak_bytes": int(most),
+                 "peak_over_listed": most / bytes_held_by(sim.plan)}
     else:
-        said |= {"listed_bytes": held(sim.plan), "grew_bytes": kept[-1] - kept[len(kept) // 10]}
+        said |= {"listed_bytes": bytes_held_by(sim.plan), "grew_bytes": kept[-1] - kept[len(kept) // 10]}
     return said
 
 

@@ -28,10 +28,10 @@ sys.path.insert(0, str(ROOT))
 from tools.bench.choice.costs import fitted, ratios  # noqa: E402
 from tools.bench.choice.scenes import Authored, Case, cases  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
-from wsim.bench.track import distance, places, size  # noqa: E402
+from wsim.bench.track import all_world_positions, largest_body_extent, rms_point_distance  # noqa: E402
 from wsim.scene import Scene, SceneError  # noqa: E402
 from wsim.simulation import cost  # noqa: E402
-from wsim.simulation.choice import predicted  # noqa: E402
+from wsim.simulation.choice import predict_choice_error  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 LATE = 1.3             # times the time of the best
@@ -61,7 +61,7 @@ def frame_seconds(sim: Simulation) -> float:
 def track(sim: Simulation, frames: int) -> np.ndarray:
     """Places after each frame, (frames, points, 3) [m]."""
     found: list[np.ndarray] = []
-    sim.run(frames, lambda s: found.append(places(s)))
+    sim.run(frames, lambda s: found.append(all_world_positions(s)))
     return np.array(found)
 
 
@@ -70,19 +70,19 @@ def reference(scene: Scene, frames: int, device) -> tuple[np.ndarray, float]:
     least = Simulation(replace(scene, solver="explicit", substeps=1), device=device).plan.clock.substeps
     coarse, fine = (track(Simulation(replace(scene, solver="explicit", substeps=least * k), device=device, precision="float64"),
                           frames) for k in (REFINED // 2, REFINED))
-    return fine, float(distance(coarse, fine).max())
+    return fine, float(rms_point_distance(coarse, fine).max())
 
 
 def counts(sim: Simulation) -> dict[str, float]:
     """What a frame does, by the names of `wsim.simulation.cost`."""
     model, choice, n = sim.model, sim.plan.choice, sim.plan.clock.substeps
     if choice.solver == "explicit":
-        return cost.explicit(model, n)
+        return cost.count_explicit_frame(model, n)
     if choice.solver == "xpbd":
-        return cost.sweeps(model, n, choice.iterations)
+        return cost.count_sweeps_frame(model, n, choice.iterations)
     if sim.scene.softs:
-        return cost.newton(model, n, choice.iterations)
-    return cost.solved(model, n, choice.iterations, choice.omega or cost.highest(model))
+        return cost.count_newton_of_soft_bodies(model, n, choice.iterations)
+    return cost.count_newton_of_sheets(model, n, choice.iterations, choice.omega or cost.highest_frequency(model))
 
 
 def alternatives(scene: Scene) -> list[dict]:
@@ -101,20 +101,20 @@ def measured(scene: Scene, there: np.ndarray, device, **settings) -> dict:
     if settings.get("solver") == "explicit":                   # as many substeps as are stable, which a named one does not get
         settings |= {"integrator": "auto"}
     sim = Simulation(replace(scene, **settings), device=device)
-    choice, errors = sim.plan.choice, distance(track(sim, len(there)), there) / size(scene)
+    choice, errors = sim.plan.choice, rms_point_distance(track(sim, len(there)), there) / largest_body_extent(scene)
     return {"solver": choice.solver, "integrator": choice.integrator.name, "substeps": choice.steps,
             "iterations": choice.iterations, "error": float(errors.max()), "seconds": frame_seconds(sim),
-            "predicted": [sim.plan.seconds, predicted(sim.model, choice)],
+            "predicted": [sim.plan.seconds, predict_choice_error(sim.model, choice)],
             "counts": counts(sim) if sim.plan.choice is choice else None, "notes": sim.warnings}
 
 
 def judged(case: Case | Authored, device) -> dict:
     """A scene by every alternative and by `auto`."""
     scene = case.scene
-    frames = max(2, ceil((2.0 * size(scene) / 9.81)**0.5 * scene.fps * case.part))
+    frames = max(2, ceil((2.0 * largest_body_extent(scene) / 9.81)**0.5 * scene.fps * case.part))
     there, doubt = reference(scene, frames, device)
-    row = {"case": str(case), "kind": case.kind, "doubt": doubt / size(scene), "auto": measured(scene, there, device),
-           "others": []}
+    row = {"case": str(case), "kind": case.kind, "doubt": doubt / largest_body_extent(scene),
+           "auto": measured(scene, there, device), "others": []}
     for settings in alternatives(scene):
         try:
             row["others"].append(measured(scene, there, device, **settings))

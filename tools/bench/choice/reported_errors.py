@@ -27,7 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from tools.bench.choice.random_scenes import drawn  # noqa: E402
-from wsim.bench.track import LONGEST, places, size  # noqa: E402
+from wsim.bench.track import LONGEST, all_world_positions, largest_body_extent  # noqa: E402
 from wsim.scene import Scene  # noqa: E402
 from wsim.simulation.measure.indicators import edge_strain  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
@@ -55,7 +55,7 @@ def track(sim: Simulation, frames: int, cut: int = 1, bare: Simulation | None = 
                 began = time.process_time()
                 each.run(cut)
                 times.append(time.process_time() - began)
-        kept.append(places(sim))
+        kept.append(all_world_positions(sim))
         strains.append(strain(sim))
     return np.array(kept), np.array(strains), spent, beside
 
@@ -106,7 +106,7 @@ def row(k: int, seed: int, folder: Path, device: str, paired: bool) -> dict:
         bare.measured = False
     x, strains, spent, beside = track(sim, scene.frames, bare=bare)
     began = time.process_time()
-    report, over = sim.report(False), size(scene.scene)                        # steps what measures the run
+    report, over = sim.report(False), largest_body_extent(scene.scene)         # steps what measures the run
     asked = time.process_time() - began
     both = np.maximum(strains, 1e-3) / np.maximum(kept["fine_strain"], 1e-3)
     worst = int(np.argmax(np.abs(np.log(both))))

@@ -46,8 +46,8 @@ def leave_out(switch: str, gpu: bool) -> None:
     for part in PARTS.get(switch, ()):
         leave_out(part, gpu)
     if switch == "header":
-        header.within = lambda text: text
-        header.precompiled = lambda text, flags, place: (text, {})
+        header.with_lean_header = lambda text: text
+        header.with_precompiled_header = lambda text, flags, place: (text, {})
     elif switch == "reference":
         source.only_read = lambda body, names: set()
     elif switch == "single":
@@ -60,7 +60,7 @@ def leave_out(switch: str, gpu: bool) -> None:
     elif switch == "parallel":
         parallel.compile_all = lambda modules, device: None
     elif switch == "recorded":
-        recorded.lighten = lambda: None
+        recorded.lighten_capture = lambda: None
 
 
 def first_frame(scene: str, switch: str, device: str, frames: int) -> dict[str, float]:

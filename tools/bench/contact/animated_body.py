@@ -27,7 +27,7 @@ from tools.bench.contact.self_contact import judged, stepped
 from tools.bench.speed import hardware, show
 from tools.bench.suite import commit, write
 from wsim.scene import Capsule, Motion, Scene, shapes
-from wsim.scene.fabric import isotropic
+from wsim.scene.fabric import isotropic_fabric
 from wsim.simulation.simulation import Simulation
 
 FPS, RADIUS, HALF = 60.0, 0.12, 0.25                 # frames a second; of the capsule, along x at first [m]
@@ -63,8 +63,8 @@ def cloth(points: int) -> tuple[np.ndarray, np.ndarray]:
 def scene(points: int, seconds: float, **more) -> Scene:
     made = Scene(fps=FPS, air_drag=1.0, **more)
     place, triangles = cloth(points)
-    fabric = isotropic(twists.STRETCH / THICKNESS, twists.POISSON, THICKNESS, twists.DENSITY / THICKNESS, damping=1e-4,
-                       static_friction=FRICTION, dynamic_friction=FRICTION)
+    fabric = isotropic_fabric(twists.STRETCH / THICKNESS, twists.POISSON, THICKNESS, twists.DENSITY / THICKNESS, damping=1e-4,
+                              static_friction=FRICTION, dynamic_friction=FRICTION)
     made.cloth("/cloth", place, np.full(len(triangles), 3), triangles, material=fabric, self_collision=True)
     t, angle, z = path(seconds)
     motion = Motion.through(t, np.stack([0.0 * z, 0.0 * z, z], axis=1), turns(angle), "linear")

@@ -29,7 +29,7 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.speed import hardware, show  # noqa: E402
-from wsim.physics.contact import clearance  # noqa: E402
+from wsim.physics.contact import free_flight_test  # noqa: E402
 from wsim.scene import Box, Scene, Sphere, Surface, shapes  # noqa: E402
 from wsim.scene.curve import Curve, Motion  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
@@ -71,12 +71,12 @@ def net(n: int, collider: str = "", solver: str = "explicit") -> Scene:
 
 def held(scene: Scene, device) -> Simulation:
     """With contacts in every frame."""
-    possible = clearance.possible
-    clearance.possible = lambda *_: False
+    possible = free_flight_test.allows_free_flight
+    free_flight_test.allows_free_flight = lambda *_: False
     try:
         return Simulation(scene, device=device)
     finally:
-        clearance.possible = possible
+        free_flight_test.allows_free_flight = possible
 
 
 def reference(n: int, substeps: int, device) -> np.ndarray:

@@ -22,7 +22,7 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.speed import hardware, show, timed  # noqa: E402
-from wsim.geometry.rotation import about_axis  # noqa: E402
+from wsim.geometry.rotation import axis_rotation_matrix  # noqa: E402
 from wsim.scene import (  # noqa: E402
     Box,
     Capsule,
@@ -70,7 +70,7 @@ def cost(name: str, n: int, device) -> dict:
     for where, lift in (("far", 3.0), ("near", 1.5e-3)):
         sim = simulation(SHAPES[name], cloud(SHAPES[name], n, lift), device)
         sim.run(2)
-        sim.state.restore()
+        sim.state.restore_snapshot()
         contacts, clock = sim.plan.method("contact"), sim.plan.clock
         for stage in sim.plan.stages("predict", "substep"):
             stage.launch(clock)
@@ -99,7 +99,7 @@ def wandering(count: int) -> Scene:
         keys = np.tile(np.eye(4), (6, 1, 1))
         for M in keys:
             axis = rng.normal(size=3)
-            M[:3, :3] = about_axis(axis / np.linalg.norm(axis), rng.uniform(0.0, 2.0))
+            M[:3, :3] = axis_rotation_matrix(axis / np.linalg.norm(axis), rng.uniform(0.0, 2.0))
         keys[:, :3, 3] = (*rng.uniform(-0.5, 0.5, 2), -0.03) + rng.uniform(-0.05, 0.05, (6, 3))
         scene.collider(f"/{k}", Sphere(0.02), motion=Motion(np.linspace(0.0, 2.0, 6), keys))
     return scene

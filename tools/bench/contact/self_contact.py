@@ -5,10 +5,11 @@ scrunched, and the twist beside Newton's VBD.
         [--seconds 60] [--setting substeps=10,iterations=4] [--peer-python X/bin/python] [--keep FOLDER] [--json FILE]
 
 twists.py has the scenes. Times are whole `Simulation.step` calls, the median of the frames of each turn (drop: the least of
-frames that take turns with those of the same cloth without self-collision). `crossings`: pairs of triangles that intersect by
-the exact test, on float32 values as they would be written, after each turn; triangles that share a point are left out (a
-minute for 100k of them). Tests run in other processes, behind the timing. A twist ends where --seconds of frames are over.
-peer: X as tools/bench/nets/peers.py says; the same mesh, energy near rest, density, ends and frames, and settings of both that
+frames that take turns with those of the same cloth without self-collision). `crossed_triangles`: pairs of triangles that
+intersect by the exact test, on float32 values as they would be written, after each turn; triangles that share a point are left
+out (a minute for 100k of them). Tests run in other processes, behind the timing. A twist ends where --seconds of frames are
+over. peer: X as tools/bench/nets/peers.py says; the same mesh, energy near rest, density, ends and frames, and settings of both
+that
 --turns and --seconds let end. Its contacts get radius and margin that keep our thickness.
 """
 
@@ -27,13 +28,13 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from tests.physics.selfcontact.rig import SOLVERS as SCRUNCHED
-from tests.physics.selfcontact.rig import crumple
+from tests.physics.contact.selfcontact.rig import SOLVERS as SCRUNCHED
+from tests.physics.contact.selfcontact.rig import crumple
 from tools.bench.contact import twists
 from tools.bench.nets.garments import stable
 from tools.bench.speed import hardware, show
 from tools.bench.suite import commit, write
-from wsim.physics.selfcontact.crossings import crossings
+from wsim.physics.contact.selfcontact.crossings import crossed_triangles
 from wsim.simulation.simulation import Simulation
 
 ROUNDS, TURN = 6, 5                      # of a drop: rounds, frames of one run before those of the other
@@ -42,7 +43,7 @@ PEER = ((10, 4), (10, 10), (20, 10))     # substeps and iterations of VBD; the f
 
 
 def crossed(x: np.ndarray, triangles: np.ndarray) -> int:
-    return len(crossings(x.astype(np.float32), triangles, neighbours=False))
+    return len(crossed_triangles(x.astype(np.float32), triangles, neighbours=False))
 
 
 def judged(rows: list[dict], triangles: np.ndarray, states: list[np.ndarray]) -> list[dict]:

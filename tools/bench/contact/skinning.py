@@ -16,8 +16,8 @@ import warp as wp
 
 from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
-from wsim.physics.animation.skin import Skin
-from wsim.physics.animation.tables import Sampling, Tables
+from wsim.physics.animation.skin import SkinnedMeshTables
+from wsim.physics.animation.tables import JointSampling, JointTables
 from wsim.scene import Scene, Surface, shapes
 from wsim.simulation.simulation import Simulation
 
@@ -31,7 +31,7 @@ def tree(joints: int, rng) -> Skeleton:
     T = np.tile([0.0, 0.05, 0.0], (3, joints, 1))
     bones = Skeleton("/s/bones", tuple(map(str, range(joints))), np.tile(np.eye(4), (joints, 1, 1)), parents=parents,
                      times=[0.0, 0.5, 1.0], translations=T, rotations=Q / np.linalg.norm(Q, axis=-1, keepdims=True))
-    bones.bind = skinning.worlds(parents, skinning.locals_(bones, np.zeros(1)))[0]
+    bones.bind = skinning.skeleton_space_transforms(parents, skinning.local_joint_transforms(bones, np.zeros(1)))[0]
     return bones
 
 
@@ -55,8 +55,8 @@ def speed(device, n: int, joints: int, m: int = 4) -> list[dict]:
     """Rows of linear blend and dual quaternions, joints in order and at random."""
     rng = np.random.default_rng(0)
     bones, rows = tree(joints, rng), []
-    tables = Tables([bones], device, wp.float32)
-    sampling = Sampling(tables, np.zeros(1))
+    tables = JointTables([bones], device, wp.float32)
+    sampling = JointSampling(tables, np.zeros(1))
     weights = rng.uniform(0.1, 1.0, (n, m))
     weights /= weights.sum(axis=1, keepdims=True)
     points = rng.normal(size=(n, 3)).astype(np.float32)
@@ -68,7 +68,7 @@ def speed(device, n: int, joints: int, m: int = 4) -> list[dict]:
         first = np.sort(rng.integers(0, joints, n)) if order == "in order" else rng.integers(0, joints, n)
         index = (first[:, None] + rng.integers(0, 4, (n, m))) % joints
         for way in (LINEAR, DUAL):
-            skin = Skin(tables, Skinned(bones, points, index, weights, method=way))
+            skin = SkinnedMeshTables(tables, Skinned(bones, points, index, weights, method=way))
             out = wp.zeros((1, n), dtype=wp.vec3, device=device)
             sampling.begin(0.3)
             launches = [*sampling.launches(), *skin.launches(sampling, out)]

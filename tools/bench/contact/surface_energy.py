@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.physics.selfcontact.rig import crossed
-from tests.physics.selfcontact.test_rest import folded
+from tests.physics.contact.selfcontact.rig import crossed
+from tests.physics.contact.selfcontact.test_rest import folded
 from tests.physics.solver.test_newton_surfaces import draped, thrown
 from tools.bench.nets.garments import stable
 from wsim.physics.rigid.objects import Body

@@ -10,7 +10,7 @@ leaves 74 cm at 4. The ends stay as wide as they are: fibres at the side go in f
 import numpy as np
 
 from wsim.scene import Motion, Scene, shapes
-from wsim.scene.fabric import Fabric, isotropic
+from wsim.scene.fabric import Fabric, isotropic_fabric
 
 WIDTH, LENGTH = 0.2, 0.8                         # [m]
 GATHERED, SHORTER = 0.08, 0.14                   # [m] that the ends come nearer by in the first two turns, and until MOST
@@ -50,8 +50,8 @@ def seconds(turns: float) -> float:
 
 
 def fabric() -> Fabric:
-    return isotropic(STRETCH / THICKNESS, POISSON, THICKNESS, DENSITY / THICKNESS, damping=1e-4, static_friction=FRICTION,
-                     dynamic_friction=FRICTION)
+    return isotropic_fabric(STRETCH / THICKNESS, POISSON, THICKNESS, DENSITY / THICKNESS, damping=1e-4,
+                            static_friction=FRICTION, dynamic_friction=FRICTION)
 
 
 def buckled(place: np.ndarray) -> np.ndarray:

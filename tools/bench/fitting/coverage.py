@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 from tools.bench.fitting.cases import CASES, Case  # noqa: E402
 from wsim.fitting.fit import Fit  # noqa: E402
 from wsim.fitting.observations.observe import Track  # noqa: E402
-from wsim.fitting.observations.residuals import Misfit, Steps  # noqa: E402
+from wsim.fitting.observations.residuals import DifferenceSteps, Misfit  # noqa: E402
 
 PROMISE = 0.25         # of chi^2: half an error bar
 
@@ -46,7 +46,7 @@ def promise(case: Case, found: Fit, seen: list[Track]) -> float:
     misfit = Misfit([(found.scene, seen)], found.parameters, device="cpu")
     e, p = found.estimate, len(found.parameters)
     B = np.linalg.qr(np.random.default_rng(5).normal(size=(p, p)))[0]
-    parts = list(misfit.walk(e.theta, steps=Steps(B, np.full(p, 3.0 * misfit.eps))))
+    parts = list(misfit.walk(e.theta, steps=DifferenceSteps(B, np.full(p, 3.0 * misfit.eps))))
     J, r = np.concatenate([part.J for part in parts]), np.concatenate([part.r for part in parts])
     U, S, _ = np.linalg.svd(J, full_matrices=False)
     noise = 1.0 if found.origin == "given" else found.sigma

@@ -24,7 +24,7 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from wsim import Scene, Simulation  # noqa: E402
-from wsim.physics.fluid.measure import divergence  # noqa: E402
+from wsim.physics.fluid.measure import fluid_cell_divergence  # noqa: E402
 from wsim.physics.fluid.objects import Fluid, Source  # noqa: E402
 from wsim.scene import Motion, Sphere  # noqa: E402
 
@@ -95,10 +95,10 @@ def pressure(n: int, args, ball: bool) -> dict:
     domain.pressure.tolerance = 1e-6
     for a in range(3):
         method.field(0, "uvw"[a]).assign(rng.standard_normal(layout.faces(a)).ravel().astype(sim.model.dtype))
-    before = np.linalg.norm(divergence(domain.fluid, layout, method.arrays(0), domain.obstacles))
+    before = np.linalg.norm(fluid_cell_divergence(domain.fluid, layout, method.arrays(0), domain.obstacles))
     domain.pressure.solve(domain.u)
     domain.pressure.project(domain.u, domain.u)
-    after = np.linalg.norm(divergence(domain.fluid, layout, method.arrays(0), domain.obstacles))
+    after = np.linalg.norm(fluid_cell_divergence(domain.fluid, layout, method.arrays(0), domain.obstacles))
     return {"iterations": int(domain.words["solves"].numpy()[1]), "missed": int(domain.words["missed"].numpy()[0]),
             "left": float(after / before)}
 

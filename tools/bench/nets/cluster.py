@@ -1,5 +1,5 @@
 """What a further substep costs a cluster of blocks, by size and threads to a point: the figures behind
-`wsim.physics.motion.cluster`.
+`wsim.physics.motion.fast_paths.cluster`.
 
     python tools/bench/nets/cluster.py [--device cuda:0] [--sides 16,32,45,64,80,90] [--json FILE]
 
@@ -20,17 +20,18 @@ sys.path.insert(0, str(ROOT))
 from tools.bench.choice.misses import frame_seconds  # noqa: E402
 from tools.bench.nets import reference  # noqa: E402
 from tools.bench.speed import hardware, show  # noqa: E402
-from wsim.physics.motion import cluster, forces  # noqa: E402
+from wsim.physics.motion import forces  # noqa: E402
+from wsim.physics.motion.fast_paths import cluster  # noqa: E402
 from wsim.scene import Scene  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 
 def plans(n: int, most: int) -> list:
     """The chosen cluster, the others of 16 blocks that fit, and none: launches."""
-    chosen, found = cluster.cluster_of(n * n, most), []
+    chosen, found = cluster.cluster_for(n * n, most), []
     for lanes in (8, 4, 2, 1):
         whole = 32 // lanes
-        plan = cluster.Cluster(lanes, -(-most // lanes), -(-n * n // (16 * whole)) * whole, 16)
+        plan = cluster.SpringCluster(lanes, -(-most // lanes), -(-n * n // (16 * whole)) * whole, 16)
         if plan.threads <= cluster.THREADS and plan.entries <= cluster.ENTRIES and plan != chosen:
             found.append(plan)
     return ([chosen] if chosen else []) + found + [None]
@@ -55,7 +56,7 @@ def error(scene: Scene, sim: Simulation) -> float | None:
 
 def row(n: int, plan, device, first: bool) -> dict:
     """One run with that plan; `chosen` says whether it is the one that a scene gets."""
-    forces.cluster_of = lambda *_: plan
+    forces.cluster_for = lambda *_: plan
     scene = replace(reference.spring_cloth(n), solver="explicit")
     sim = Simulation(scene, device=device)
     substeps, ms = sim.plan.clock.substeps, frame_ms(sim)
@@ -71,14 +72,14 @@ def main() -> None:
     parser.add_argument("--sides", default="16,32,45,64,80,90", help="points a side")
     parser.add_argument("--json", default=None)
     args = parser.parse_args()
-    device, rows, kept = wp.get_device(args.device), [], forces.cluster_of
+    device, rows, kept = wp.get_device(args.device), [], forces.cluster_for
     if not device.is_cuda or device.arch < 90:
         sys.exit(f"--device: {device} forms no clusters; a GPU of compute capability 9.0 or more does")
     print(f"{hardware(device)}, warp {wp.config.version}")
     for n in (int(s) for s in args.sides.split(",")):
         for number, plan in enumerate(plans(n, 12)):
             show(rows, row(n, plan, device, number == 0))
-    forces.cluster_of = kept
+    forces.cluster_for = kept
     if args.json:
         head = {"hardware": hardware(device), "warp": wp.config.version}
         Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))

@@ -35,7 +35,7 @@ def shirt(stretch: float = 1e3, density: float = 0.2) -> Scene:
     cloth = load(str(ROOT / "scenes" / "shirt.usda")).cloths[0]
     points, triangles = cloth.points.astype(np.float64), cloth.indices.reshape(-1, 3)
     points -= points.mean(axis=0)                # about the origin, where float32 is finest: g h^2 is 7e-9 m at 600 substeps
-    edges, areas = topology.edges(triangles), topology.areas(points, triangles)
+    edges, areas = topology.edges_of_triangles(triangles), topology.triangle_areas(points, triangles)
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     n = len(points)
     which = np.searchsorted(edges[:, 0].astype(np.int64) * n + edges[:, 1], sides[:, 0].astype(np.int64) * n + sides[:, 1])

@@ -113,9 +113,9 @@ class Run:
     """A scene by a setting: median time of a frame [ms], positions (points, 3) [m] of all bodies after some frames."""
 
     def __init__(self, made: Scene, setting: str, device: str, ends: list[int], precision: str = "float32", **more):
-        from wsim.model.launches import Launches
+        from wsim.model.launches import KernelLaunches
         from wsim.simulation.simulation import Simulation
-        before, Launches.fuses = Launches.fuses, {"launched": False, "fused": True}.get(setting)
+        before, KernelLaunches.fuses = KernelLaunches.fuses, {"launched": False, "fused": True}.get(setting)
         try:
             began = time.perf_counter()
             self.sim = sim = Simulation(replace(made, **SETTINGS[setting] | more), device=device, precision=precision,
@@ -131,7 +131,7 @@ class Run:
                     if cloth:
                         self.peaks[number] = peak(cloth, sim.positions(cloth.path))
         finally:
-            Launches.fuses = before
+            KernelLaunches.fuses = before
 
     def row(self) -> dict:
         sim, plan = self.sim, self.sim.plan
@@ -156,14 +156,14 @@ def stable(made: Scene, device) -> int:
     """Substeps a frame with which leapfrog holds a scene whose points all keep their own mass."""
     import warp as wp
 
-    from wsim.model.model import build
-    from wsim.physics.cloth.constraints import constrain
-    from wsim.physics.motion.frequency import bound
-    from wsim.physics.motion.stability import needed
+    from wsim.model.model import build_model
+    from wsim.physics.cloth.constraints import fill_constraints
+    from wsim.physics.motion.frequency import frequency_bound
+    from wsim.physics.motion.stability import substeps_needed
     from wsim.scene.integrator import TABLE
-    model = build(made, 1, wp.get_device(device), wp.float64)
-    constrain(model)
-    return needed(made, TABLE["leapfrog"], *bound(model))
+    model = build_model(made, 1, wp.get_device(device), wp.float64)
+    fill_constraints(model)
+    return substeps_needed(made, TABLE["leapfrog"], *frequency_bound(model))
 
 
 def truth(name: str, device: str, ends: list[int], folder: str) -> dict:

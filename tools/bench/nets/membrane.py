@@ -22,7 +22,7 @@ import warp as wp
 
 from tools.bench.nets.garment import HUNG
 from wsim.scene import Scene, shapes
-from wsim.scene.fabric import isotropic
+from wsim.scene.fabric import isotropic_fabric
 
 ROOT = Path(__file__).resolve().parents[3]
 STRETCH, POISSON, DENSITY, THICKNESS = 2000.0, 0.3, 0.2, 1e-3          # E h [N/m], nu, [kg/m^2], [m]
@@ -173,6 +173,6 @@ def scene(name: str) -> Scene:
     """A problem for wsim."""
     points, triangles, pinned, frame, _ = PROBLEMS[name]()
     made = Scene(fps=1.0 / frame, frames=30)
-    fabric = replace(isotropic(STRETCH / THICKNESS, POISSON, THICKNESS, DENSITY / THICKNESS), bend=0.0)
+    fabric = replace(isotropic_fabric(STRETCH / THICKNESS, POISSON, THICKNESS, DENSITY / THICKNESS), bend=0.0)
     made.pin("/held", made.cloth("/cloth", points, np.full(len(triangles), 3), triangles.ravel(), material=fabric), pinned)
     return made

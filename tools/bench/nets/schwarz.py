@@ -16,7 +16,7 @@ import warp as wp
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 import wsim  # noqa: E402
-from wsim.physics.schwarz import solver  # noqa: E402
+from wsim.physics.solver.schwarz import solver  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 UPPER = 0.02           # [m] from the top that are held

@@ -26,7 +26,7 @@ from tools.bench.choice.misses import frame_seconds  # noqa: E402
 from tools.bench.speed import hardware, show  # noqa: E402
 from wsim.scene import Scene, SceneError, shapes  # noqa: E402
 from wsim.scene.fabric import Fabric  # noqa: E402
-from wsim.simulation.measure.memory import Worlds  # noqa: E402
+from wsim.simulation.measure.memory import MemoryForWorlds  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 FRAMES = 12
@@ -83,7 +83,7 @@ def main() -> None:
     for case in args.cases.split(","):
         scene = fixed(sheet(args.side, case), args.device)
         one, (alone, *_), _ = ends(scene, args.device, 1)
-        memory = Worlds.of(one, 10**9)
+        memory = MemoryForWorlds.of(one, 10**9)
         for worlds in map(int, args.counts.split(",")):
             show(rows, row(case, scene, args.device, worlds, alone, memory.each))
         try:

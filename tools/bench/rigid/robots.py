@@ -29,11 +29,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from wsim.physics.rigid.mass import inertia  # noqa: E402
+from wsim.physics.rigid.mass import body_inertia  # noqa: E402
 from wsim.scene import SceneError  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 from wsim.usd import load  # noqa: E402
-from wsim.usd.new.robot import _tool, author_robot  # noqa: E402
+from wsim.usd.new.robot import _find_converter, author_robot  # noqa: E402
 
 FREE, TOUCHING = 5e-5, 5e-4          # [s] steps of MuJoCo
 MUJOCO = """
@@ -73,7 +73,7 @@ def compare(file: str, frames: int, substeps: int, contacts: bool) -> str:
     """A row of the table."""
     with tempfile.TemporaryDirectory() as place:
         author_robot(file, f"{place}/robot.usda")
-        python = _tool("mujoco-usd-converter").parent / "python"
+        python = _find_converter("mujoco-usd-converter").parent / "python"
         step = TOUCHING if contacts else FREE
         subprocess.run([python, "-c", MUJOCO, file, f"{place}/o.json", str(frames), "40", str(step), str(int(contacts))],
                        check=True, capture_output=True, env={}, cwd=place)
@@ -85,8 +85,8 @@ def compare(file: str, frames: int, substeps: int, contacts: bool) -> str:
     for x in start:
         row.append(next(k for k in range(1 + (row[-1] if row else 0), len(true["mass"]))
                         if true["mass"][k] > 0.0 and np.abs(true["places"][0, k] - x).max() < 1e-3))
-    mass = max(max(abs(inertia(b).mass / true["mass"][k] - 1.0),
-                   np.abs(np.sort(inertia(b).moments) / np.sort(true["moments"][k]) - 1.0).max())
+    mass = max(max(abs(body_inertia(b).mass / true["mass"][k] - 1.0),
+                   np.abs(np.sort(body_inertia(b).moments) / np.sort(true["moments"][k]) - 1.0).max())
                for b, k in zip(bodies, row, strict=True))
     for body, k in zip(bodies, row, strict=True):
         body.spin, body.velocity = true["speeds"][k, :3], true["speeds"][k, 3:]

@@ -11,8 +11,8 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.rigid.clock import main  # noqa: E402
-from wsim.geometry.rotation import matrix, quaternion  # noqa: E402
-from wsim.physics.rigid.joints.joint import LOCKED, SHIFTS, between  # noqa: E402
+from wsim.geometry.rotation import matrix_quat, quaternion_to_matrix  # noqa: E402
+from wsim.physics.rigid.joints.joint import LOCKED, SHIFTS, joint_between  # noqa: E402
 from wsim.physics.rigid.objects import Body  # noqa: E402
 from wsim.scene import Box, Collider, Plane, Scene, Sphere  # noqa: E402
 from wsim.scene.curve import Motion  # noqa: E402
@@ -21,7 +21,7 @@ from wsim.simulation.simulation import Simulation  # noqa: E402
 
 def frame(at, turn=(0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
     M = np.eye(4)
-    M[:3, :3], M[:3, 3] = matrix(np.array(turn)), at
+    M[:3, :3], M[:3, 3] = quaternion_to_matrix(np.array(turn)), at
     return M
 
 
@@ -50,7 +50,7 @@ def scene_of(data: dict, setting: dict) -> Scene:
     bodies = scene.things("Body")
     for k, j in enumerate(data["joints"]):
         sides = [bodies[number] if number >= 0 else None for number in j["bodies"]]
-        scene.add(between(f"/joint{k}", *sides, at=j["point"], limits=dict.fromkeys(SHIFTS, LOCKED)))
+        scene.add(joint_between(f"/joint{k}", *sides, at=j["point"], limits=dict.fromkeys(SHIFTS, LOCKED)))
     return scene
 
 
@@ -68,7 +68,7 @@ class Run:
 
     def state(self) -> dict:
         M = self.method.poses()
-        return {"x": M[:, :3, 3], "q": quaternion(M[:, :3, :3]), "v": self.method.velocities(), "w": self.method.spins()}
+        return {"x": M[:, :3, 3], "q": matrix_quat(M[:, :3, :3]), "v": self.method.velocities(), "w": self.method.spins()}
 
 
 if __name__ == "__main__":

@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     if args.form:
-        forms.chosen = lambda device, shapes: forms.named(args.form, device)
+        forms.choose_pass_form = lambda device, shapes: forms.form_by_name(args.form, device)
     device, rows = wp.get_device(args.device), []
     print(hardware(device))
     print(f"{'scene':8} {'device':7} {'bodies':>6} {'form':9} {'steps':>7} {'median':>11} {'least':>9} {'cpu ms':>9} "

@@ -49,7 +49,7 @@ def row(sim: Simulation, cells: int, hertz: float) -> dict:
     body = sim.scene.softs[0]
     return {"tets": len(body.tets), "hertz": hertz, "coarse": bool(system.coarse), "ms": float(np.median(times[2:])),
             "iterations": int(found["pcg_iterations"]), "residual": found["residual"],
-            "waves": coarse_space.waves(sim.model.bodies[0], 1.0 / hertz),
+            "waves": coarse_space.sound_wave_edges(sim.model.bodies[0], 1.0 / hertz),
             "nodes": [level.size for level in system.coarse.levels] if system.coarse else [],
             "moved": 1e3 * float(np.abs(sim.positions() - body.points).max()), "build_s": sim.seconds["build"],
             "compile_s": sim.seconds["compile"]}

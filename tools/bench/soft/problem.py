@@ -17,7 +17,7 @@ import numpy as np
 
 from tools.bench.nets.reference import rms
 from tools.bench.soft.reference import Solid, exact, frequencies, highest, rest
-from wsim.geometry.tetra.lattice import box
+from wsim.geometry.tetra.lattice import tet_box
 
 FRAME, TIMES, SIZE = 1.0 / 60.0, (0.25, 0.5), (1.0, 0.25, 0.25)      # [s], [s], [m]
 ENDS = [round(t / FRAME) for t in TIMES]
@@ -29,7 +29,7 @@ class Beam:
     """The problem and its right answers, each worked out when first asked for. `folder` keeps trajectories."""
 
     def __init__(self, cells: tuple[int, ...], young: float, folder):
-        points, self.tets = box(SIZE, cells)
+        points, self.tets = tet_box(SIZE, cells)
         self.points = points.astype(np.float32).astype(np.float64)            # what a scene holds
         low, high = (np.isclose(points[:, 0], x) for x in (-0.5 * SIZE[0], 0.5 * SIZE[0]))
         self.pinned, self.tip, self.young, self.folder = np.flatnonzero(low), np.flatnonzero(high), young, folder

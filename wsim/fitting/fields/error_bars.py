@@ -13,21 +13,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wsim.fitting.fields.misfit import Adjoint
-from wsim.fitting.fields.preconditioner import Metric
-from wsim.fitting.fields.prior import WIDE, Belief
+from wsim.fitting.fields.misfit import AdjointMisfit
+from wsim.fitting.fields.preconditioner import SketchedHessian
+from wsim.fitting.fields.prior import WIDE, NeighbourBelief
 
 CLOSE = 0.05                 # of the right side
 MOST, SOME = 40, 4           # iterations for an error bar; for a gain, which 4 tell to a factor 3 and 12 to 1.5
 UNKNOWN = 100.0 * WIDE       # units of theta
 
 
-class Newton:
+class NewtonSystem:
     """H at theta. Y: probes there."""
 
-    def __init__(self, misfit: Adjoint, theta: np.ndarray, sigma: float, Y: np.ndarray, beliefs: list[Belief] | None = None):
+    def __init__(self, misfit: AdjointMisfit, theta: np.ndarray, sigma: float, Y: np.ndarray,
+                 beliefs: list[NeighbourBelief] | None = None):
         self.misfit, self.theta, self.weight = misfit, theta, 1.0 / sigma**2
-        self.metric = Metric(beliefs or misfit.beliefs, misfit.parts(theta), Y)
+        self.metric = SketchedHessian(beliefs or misfit.beliefs, misfit.parts(theta), Y)
 
     def product(self, v: np.ndarray) -> np.ndarray:
         parts = zip(self.misfit.parts(v), self.metric.matrices, strict=True)
@@ -52,7 +53,7 @@ class Newton:
 
 
 @dataclass
-class Deviation:
+class ThetaDeviation:
     """Error bar of one theta[k]. sigma: sigma_k; close: True if it has converged, False: a lower bound; column: H^-1 e_k."""
 
     sigma: float
@@ -60,18 +61,19 @@ class Deviation:
     column: np.ndarray
 
 
-def deviations(misfit: Adjoint, theta: np.ndarray, rows: list[int], sigma: float, Y: np.ndarray) -> list[Deviation]:
+def theta_deviations(misfit: AdjointMisfit, theta: np.ndarray, rows: list[int], sigma: float,
+                     Y: np.ndarray) -> list[ThetaDeviation]:
     """Error bar of theta[k] for each k of rows. Y: probes at theta."""
     beliefs = [b if b.wide != WIDE else replace(b, wide=UNKNOWN) for b in misfit.beliefs]
-    newton, found = Newton(misfit, theta, sigma, Y, beliefs), []
+    newton, found = NewtonSystem(misfit, theta, sigma, Y, beliefs), []
     for k in rows:
         z, close = newton.solve(np.eye(len(theta))[k], MOST)
-        found.append(Deviation(float(np.sqrt(max(float(z[k]), 0.0))), close, z))
+        found.append(ThetaDeviation(float(np.sqrt(max(float(z[k]), 0.0))), close, z))
     return found
 
 
-def gain(misfit: Adjoint, theta: np.ndarray, gradient: np.ndarray, sigma: float, Y: np.ndarray) -> float:
+def newton_step_gain(misfit: AdjointMisfit, theta: np.ndarray, gradient: np.ndarray, sigma: float, Y: np.ndarray) -> float:
     """Decrease of F that Newton's step promises."""
     if not gradient.any():
         return 0.0
-    return 0.5 * float(gradient @ Newton(misfit, theta, sigma, Y).solve(gradient, SOME)[0])
+    return 0.5 * float(gradient @ NewtonSystem(misfit, theta, sigma, Y).solve(gradient, SOME)[0])

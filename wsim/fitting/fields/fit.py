@@ -20,14 +20,14 @@ from time import perf_counter
 import numpy as np
 
 from wsim.fitting import state
-from wsim.fitting.fields.error_bars import deviations, gain
+from wsim.fitting.fields.error_bars import newton_step_gain, theta_deviations
 from wsim.fitting.fields.field import ParameterField
-from wsim.fitting.fields.lbfgs import Descent, Place
-from wsim.fitting.fields.misfit import Adjoint
-from wsim.fitting.fields.number import Number, several
-from wsim.fitting.fields.preconditioner import Metric
-from wsim.fitting.fields.result import Bar, FieldFit
-from wsim.fitting.fields.time_step import HalfStep
+from wsim.fitting.fields.lbfgs import FitPoint, LbfgsDescent
+from wsim.fitting.fields.misfit import AdjointMisfit
+from wsim.fitting.fields.number import NumberField, numbers_and_fields
+from wsim.fitting.fields.preconditioner import SketchedHessian
+from wsim.fitting.fields.result import FieldFit, NumberErrorBar
+from wsim.fitting.fields.time_step import FieldHalfStep
 from wsim.scene import Problem, Scene, SceneError
 
 PARTS = (0.25, 0.5, 1.0)      # of the time
@@ -44,7 +44,7 @@ LOUD = 4.0                    # deviations of chance of chi^2 that are not yet t
 class FieldSearch:
     """theta, and how it got there. `run` until it is found, or `limit` gradients are spent."""
 
-    def __init__(self, misfit: Adjoint, theta: np.ndarray, limit: float, file: str | None = None,
+    def __init__(self, misfit: AdjointMisfit, theta: np.ndarray, limit: float, file: str | None = None,
                  each: Callable[["FieldSearch"], None] = lambda search: None):
         self.misfit, self.limit, self.file, self.each = misfit, limit, file, each
         times = np.array(misfit.moments())
@@ -53,10 +53,10 @@ class FieldSearch:
         self.converged, self.still, self.rows = False, 0, []        # type: ignore[var-annotated]
         self.visible, self.promise, self.settled = True, inf, False
         self.proof: tuple[np.ndarray, np.ndarray] | None = None    # theta, and probes there
-        self.descent = Descent(misfit.look, Place(theta, np.zeros(2), np.zeros((2, len(theta)))), np.ones(2), RADIUS)
+        self.descent = LbfgsDescent(misfit.look, FitPoint(theta, np.zeros(2), np.zeros((2, len(theta)))), np.ones(2), RADIUS)
         self.notes: list[str] = []
         self.probed: list[np.ndarray] = []
-        self.tried: tuple[float, float, Place] | None = None       # what was left, s, and where, before s was halved
+        self.tried: tuple[float, float, FitPoint] | None = None    # what was left, s, and where, before s was halved
 
     @property
     def theta(self) -> np.ndarray:
@@ -92,7 +92,7 @@ class FieldSearch:
             while self.misfit.walked < self.limit:
                 before = self.descent.value
                 if (self.steps - first) % FRESH == 0:
-                    self.probe(self.steps == first)
+                    self.probe_hessian(self.steps == first)
                 if self.descent.step():
                     self.steps += 1
                     self.note(before)
@@ -118,18 +118,18 @@ class FieldSearch:
 
     def done(self) -> bool:
         """True if the fit has converged here."""
-        m, Y = self.misfit, self.misfit.probes(self.theta)
+        m, Y = self.misfit, self.misfit.probe_jacobian(self.theta)
         self.proof = (self.theta, Y)
         self.visible = bool((np.linalg.norm(Y, axis=1) > self.sigma).any())
-        self.promise = gain(m, self.theta, self.descent.gradient, self.sigma, Y)
+        self.promise = newton_step_gain(m, self.theta, self.descent.gradient, self.sigma, Y)
         self.converged = self.visible and self.promise <= PROMISE * len(self.theta)
         return self.converged or not self.visible
 
-    def probe(self, fresh: bool) -> None:
+    def probe_hessian(self, fresh: bool) -> None:
         """A Hessian to begin from, by probes here and at the last few places."""
         m, theta = self.misfit, self.theta
-        self.probed = [*([] if fresh else self.probed[1 - SETS:]), m.probes(theta)]
-        metric = Metric(m.beliefs, m.parts(theta), np.concatenate(self.probed, axis=1) / sqrt(len(self.probed)))
+        self.probed = [*([] if fresh else self.probed[1 - SETS:]), m.probe_jacobian(theta)]
+        metric = SketchedHessian(m.beliefs, m.parts(theta), np.concatenate(self.probed, axis=1) / sqrt(len(self.probed)))
         self.descent.inverse = lambda q, weights: metric(q, float(weights[0]))
 
     def note(self, before: float) -> None:
@@ -180,15 +180,15 @@ class FieldSearch:
 
     def save(self, path) -> None:
         d = self.descent
-        state.write(path, self.names, {
+        state.write_fit_state(path, self.names, {
             "theta": d.at.x.tolist(), "pairs": [[s.tolist(), y.tolist()] for s, y in d.pairs], "stage": self.stage,
             "steps": self.steps, "converged": self.converged, "gradients": self.misfit.walked, "rows": self.rows})
 
     def resume(self, path) -> None:
         """Goes on from a file of `save`. Raises SceneError where it is of another fit."""
         d = self.descent
-        with state.reading(path, self.names) as found:
-            d.at = Place(np.array(found["theta"]), np.zeros(2), np.zeros((2, len(self.theta))))
+        with state.reading_fit_state(path, self.names) as found:
+            d.at = FitPoint(np.array(found["theta"]), np.zeros(2), np.zeros((2, len(self.theta))))
             d.pairs = [(np.array(s), np.array(y)) for s, y in found["pairs"]]
             self.stage, self.steps, self.misfit.walked = int(found["stage"]), int(found["steps"]), float(found["gradients"])
             self.rows = [tuple(r) for r in found["rows"]]
@@ -199,19 +199,19 @@ def fit_fields(experiments: list[tuple[Scene, list]], names: list[str], *, start
     """A fit of fields, which `wsim.fit` calls with the same arguments. start: {name: number or array}; priors: {name:
     (mean, sigma)} of every element."""
     began = perf_counter()
-    found, scenes = several(names, [s for s, _ in experiments], start or {})
-    misfit = Adjoint([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, settings.device)
-    theta = misfit.theta(_start(misfit, start or {}))
-    misfit.believe(misfit.values(theta))
-    _priors(misfit, priors or {})
-    search = FieldSearch(misfit, theta, settings.limit, settings.state, lambda s: _told(s, each))
+    found, scenes = numbers_and_fields(names, [s for s, _ in experiments], start or {})
+    misfit = AdjointMisfit([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, settings.device)
+    theta = misfit.theta(_start_values(misfit, start or {}))
+    misfit.set_beliefs(misfit.values(theta))
+    _set_field_priors(misfit, priors or {})
+    search = FieldSearch(misfit, theta, settings.limit, settings.state, lambda s: _tell_field_step(s, each))
     if settings.state and os.path.exists(settings.state):
         search.resume(settings.state)
     search.run()
-    return _result(search, found, scenes, perf_counter() - began)
+    return _field_fit_result(search, found, scenes, perf_counter() - began)
 
 
-def _start(misfit: Adjoint, given: dict) -> list[np.ndarray]:
+def _start_values(misfit: AdjointMisfit, given: dict) -> list[np.ndarray]:
     """Values of each field. Raises SceneError for those that fit none."""
     values, problems, left = list(misfit.start), [], dict(given)
     for k, f in enumerate(misfit.fields):
@@ -229,7 +229,7 @@ def _start(misfit: Adjoint, given: dict) -> list[np.ndarray]:
     return values
 
 
-def _priors(misfit: Adjoint, given: dict) -> None:
+def _set_field_priors(misfit: AdjointMisfit, given: dict) -> None:
     for name, pair in given.items():
         row = next((k for k, f in enumerate(misfit.fields) if f.name == name), None)
         if row is None:
@@ -245,7 +245,7 @@ def _priors(misfit: Adjoint, given: dict) -> None:
             raise SceneError(Problem(name, f"prior is {pair}; allowed is (mean, sigma): {error}")) from None
 
 
-def _told(search: FieldSearch, each: Callable[[dict], None] | None) -> None:
+def _tell_field_step(search: FieldSearch, each: Callable[[dict], None] | None) -> None:
     if not each:
         return
     m, (step, time, rms, value, slope, walked) = search.misfit, search.rows[-1]
@@ -255,34 +255,35 @@ def _told(search: FieldSearch, each: Callable[[dict], None] | None) -> None:
           "values": {f.name: float(np.median(v)) for f, v in zip(m.fields, m.values(search.theta), strict=True)}})
 
 
-def _result(search: FieldSearch, found: list[ParameterField | Number], scenes: list[Scene], seconds: float) -> FieldFit:
+def _field_fit_result(search: FieldSearch, found: list[ParameterField | NumberField], scenes: list[Scene],
+                      seconds: float) -> FieldFit:
     m, sigma = search.misfit, search.sigma if not search.misfit.known else search.least
     given = 1.0 if not m.known or m.unit == "sigma" else m.experiments[0].seen[0].sigma or 1.0
-    Y, known = search.proof[1] if search.proof and search.proof[0] is search.theta else m.probes(search.theta), {}
+    Y, known = search.proof[1] if search.proof and search.proof[0] is search.theta else m.probe_jacobian(search.theta), {}
     for f, part in zip(found, m.parts(np.linalg.norm(Y, axis=1)), strict=True):
-        known[f.name] = _flat(part / sigma)
+        known[f.name] = _flat_column(part / sigma)
     rms = sqrt(2.0 * search.descent.at.f[0] / max(m.seen.count, 1))
-    wide, notes = _noisy(search, rms / sigma)
-    numbers = [f for f in found if isinstance(f, Number)]              # they come first
-    bars = deviations(m, search.theta, list(range(len(numbers))), sigma * wide, Y)
+    wide, notes = _widening_by_misfit(search, rms / sigma)
+    numbers = [f for f in found if isinstance(f, NumberField)]         # they come first
+    bars = theta_deviations(m, search.theta, list(range(len(numbers))), sigma * wide, Y)
     values = dict(zip([f.name for f in found], m.values(search.theta), strict=True))
     for e in m.experiments:
         notes += [w.removeprefix("warning: ") for w in e.sim.warnings if w not in notes]
     notes += [f"the error bar of {n.name} is a lower bound: conjugate gradients did not converge"
               for n, b in zip(numbers, bars, strict=True) if not b.close]
-    half = HalfStep(m, search.theta, sigma * wide, Y, bars)
+    half = FieldHalfStep(m, search.theta, sigma * wide, Y, bars)
     for f in found:
-        scenes = [f.written(s, values[f.name]) if f.belongs(s) else s for s in scenes]
-    errors = {n.name: Bar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b.sigma, d)
+        scenes = [f.written(s, values[f.name]) if f.belongs_to_scene(s) else s for s in scenes]
+    errors = {n.name: NumberErrorBar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b.sigma, d)
               for n, b, d in zip(numbers, bars, half.shifts, strict=True)}
-    return FieldFit(found, {name: _flat(v) for name, v in values.items()}, known, scenes[0], scenes,
+    return FieldFit(found, {name: _flat_column(v) for name, v in values.items()}, known, scenes[0], scenes,
                     search.converged, sigma * given, rms / sigma, float(np.linalg.norm(search.descent.gradient)), search.steps,
                     m.walked, m.launches, round(m.time * m.experiments[0].scene.fps), seconds, search.rows,
                     [*search.notes, *half.notes(), *notes], errors, m.unit,
                     "floor" if sigma <= m.floor else "given" if m.known else "estimated", half)
 
 
-def _noisy(search: FieldSearch, left: float) -> tuple[float, list[str]]:
+def _widening_by_misfit(search: FieldSearch, left: float) -> tuple[float, list[str]]:
     """By how much error bars are widened where what is left is no noise, and what is said of it. left: rms over the noise."""
     m = search.misfit
     if not m.known and m.seen.count < 2 * len(search.theta):
@@ -294,6 +295,6 @@ def _noisy(search: FieldSearch, left: float) -> tuple[float, list[str]]:
     return 1.0, []
 
 
-def _flat(values: np.ndarray) -> np.ndarray:
+def _flat_column(values: np.ndarray) -> np.ndarray:
     """(n, 1) as (n,)."""
     return values[:, 0] if values.shape[1] == 1 else values

@@ -19,7 +19,7 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass
-class Place:
+class FitPoint:
     """A point and what is known there, by part: values (k,), gradients (k, n)."""
 
     x: np.ndarray
@@ -28,11 +28,11 @@ class Place:
 
 
 @dataclass
-class Descent:
+class LbfgsDescent:
     """`step` until it says that none is left. evaluate: x -> (values (k,), gradients (k, n))."""
 
     evaluate: Evaluate
-    at: Place
+    at: FitPoint
     weights: np.ndarray                        # (k,)
     radius: float = np.inf                     # largest entry of a step
     pairs: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)      # s (n,), y (k, n)
@@ -47,8 +47,8 @@ class Descent:
     def gradient(self) -> np.ndarray:
         return self.weights @ self.at.g
 
-    def look(self, x: np.ndarray) -> Place:
-        return Place(x, *self.evaluate(x))
+    def look(self, x: np.ndarray) -> FitPoint:
+        return FitPoint(x, *self.evaluate(x))
 
     def direction(self) -> np.ndarray:
         """-H g; without pairs and H0 along -g, its largest entry a tenth."""
@@ -90,11 +90,11 @@ class Descent:
         self.at = found
         return True
 
-    def search(self, d: np.ndarray) -> Place | None:
+    def search(self, d: np.ndarray) -> FitPoint | None:
         """A place along d that meets both conditions; else the lowest that was seen, None: none is lower."""
         f0, slope0 = self.value, float(self.gradient @ d)
         low, high = (0.0, f0, slope0), None
-        best: Place | None = None
+        best: FitPoint | None = None
         a, longest = 1.0, self.radius / max(float(np.abs(d).max()), 1e-300)
         for _ in range(TRIES):
             place = self.look(self.at.x + a * d)
@@ -112,13 +112,13 @@ class Descent:
                 low = (a, f, slope)
                 if high is None and a >= longest:
                     return best
-            a = min(2.5 * a, longest) if high is None else between(low, high)
+            a = min(2.5 * a, longest) if high is None else cubic_minimum(low, high)
             if abs(a - low[0]) * np.abs(d).max() < 1e-14 * max(1.0, float(np.abs(self.at.x).max())):
                 break
         return best
 
 
-def between(low: tuple[float, float, float], high: tuple[float, float, float]) -> float:
+def cubic_minimum(low: tuple[float, float, float], high: tuple[float, float, float]) -> float:
     """Place where the cubic through two (place, value, slope) is lowest (equation 3.59), kept a tenth away from both ends."""
     (a, fa, ga), (b, fb, gb) = low, high
     middle = 0.5 * (a + b)

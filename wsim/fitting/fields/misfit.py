@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from wsim.fitting.copies import settled
+from wsim.fitting.copies import scene_with_named_choices
 from wsim.fitting.fields.field import ParameterField
-from wsim.fitting.fields.number import Number, give
-from wsim.fitting.least_squares.noise_floor import floor
+from wsim.fitting.fields.number import NumberField, set_fields_and_numbers
+from wsim.fitting.least_squares.noise_floor import observation_noise_floor
 from wsim.gradient.gradient import Gradient
 from wsim.gradient.recording import Recording
 from wsim.scene import Scene, SceneError
@@ -24,29 +24,29 @@ PROBES = 16
 EPS = 1e-5             # of theta: a run in float64 has rounding of 1e-14 m or so
 
 
-class Experiment:
+class RecordedExperiment:
     """One scene with what was seen of it, recorded up to a horizon."""
 
     def __init__(self, scene: Scene, seen: list, device=None):
-        self.scene, self.seen, self.device = settled(scene, device), seen, device
+        self.scene, self.seen, self.device = scene_with_named_choices(scene, device), seen, device
         self.sim = Simulation(self.scene, device=device, precision="float64", gradients=True)
         for o in seen:
             o.prepare(self.sim.model)
         self.last = max(int(o.frames.max()) for o in seen)
         self.recording: Recording | None = None
-        self.given: list[tuple[ParameterField | Number, np.ndarray]] = []
+        self.given: list[tuple[ParameterField | NumberField, np.ndarray]] = []
 
-    def finer(self) -> "Experiment":
+    def with_more_substeps(self) -> "RecordedExperiment":
         """The same experiment with half the time step."""
-        return Experiment(replace(self.scene, substeps=2 * self.sim.plan.clock.steps), self.seen, self.device)
+        return RecordedExperiment(replace(self.scene, substeps=2 * self.sim.plan.clock.steps), self.seen, self.device)
 
-    def begin(self, given: list[tuple[ParameterField | Number, np.ndarray]], frames: int) -> None:
+    def begin(self, given: list[tuple[ParameterField | NumberField, np.ndarray]], frames: int) -> None:
         """Values for the next run, of so many frames."""
         sim, old = self.sim, self.recording
         if old:
             old.rewind()
             sim.frame = 0
-        give(sim, given)
+        set_fields_and_numbers(sim, given)
         if old and old.frames == frames:
             wp.copy(old.initial, old.every)            # velocities are a part of it
             old.pose(0)
@@ -85,29 +85,29 @@ class Experiment:
 
 
 @dataclass
-class Seen:
+class ObservedResiduals:
     """Observations that a run has met, with their residuals."""
 
     count: int = 0                 # residuals
     rms: float = np.inf            # [m], or of the given noise
 
 
-class Adjoint:
+class AdjointMisfit:
     """F of theta, a flat vector of all fields in the mapped space; `horizon` in frames of the first experiment's rate."""
 
-    def __init__(self, experiments: list[tuple[Scene, list]], fields: list[ParameterField | Number], device=None):
-        self.experiments = [Experiment(scene, seen, device) for scene, seen in experiments]
+    def __init__(self, experiments: list[tuple[Scene, list]], fields: list[ParameterField | NumberField], device=None):
+        self.experiments = [RecordedExperiment(scene, seen, device) for scene, seen in experiments]
         self.fields, first = fields, self.experiments[0]
-        self.owner = {f.name: next(e for e in self.experiments if f.belongs(e.scene)) for f in fields}
+        self.owner = {f.name: next(e for e in self.experiments if f.belongs_to_scene(e.scene)) for f in fields}
         self.start = [f.values(self.owner[f.name].sim, first.last) for f in fields]
         self.shapes = [v.shape for v in self.start]
         self.ends = np.cumsum([0, *(v.size for v in self.start)])
         self.known = first.seen[0].sigma is not None
-        self.floor = floor([(e.scene, e.seen) for e in self.experiments])
+        self.floor = observation_noise_floor([(e.scene, e.seen) for e in self.experiments])
         self.time = max(e.last / e.scene.fps for e in self.experiments)       # [s]
-        self.walked, self.launches, self.backward, self.seen = 0.0, 0, 0, Seen()
+        self.walked, self.launches, self.backward, self.seen = 0.0, 0, 0, ObservedResiduals()
 
-    def believe(self, means: list[np.ndarray]) -> None:
+    def set_beliefs(self, means: list[np.ndarray]) -> None:
         """Beliefs about means (values of each field)."""
         self.beliefs = [f.belief_at(self.owner[f.name].sim, f.map.forward(m)) for f, m in zip(self.fields, means, strict=True)]
 
@@ -131,7 +131,7 @@ class Adjoint:
         """Times [s] at which something was seen."""
         return sorted({f / e.scene.fps for e in self.experiments for o in e.seen for f in o.frames})
 
-    def frames(self, e: Experiment) -> int:
+    def frames(self, e: RecordedExperiment) -> int:
         """Frames of an experiment that the horizon takes; 0: nothing was seen of it yet."""
         seen = [int(f) for o in e.seen for f in o.frames if f / e.scene.fps <= self.time + 1e-9]
         return max(seen, default=0)
@@ -154,7 +154,7 @@ class Adjoint:
                 return np.array([np.inf, value[1]]), by
         if not np.isfinite(value[0]):
             value[0] = np.inf
-        self.seen = Seen(count, float(np.sqrt(2.0 * value[0] / max(count, 1))))
+        self.seen = ObservedResiduals(count, float(np.sqrt(2.0 * value[0] / max(count, 1))))
         return value, by
 
     def begun(self, theta: np.ndarray):
@@ -163,18 +163,18 @@ class Adjoint:
         for e in self.experiments:
             frames = self.frames(e)
             if frames:
-                e.begin([(f, values[f.name]) for f in self.fields if f.belongs(e.scene)], frames)
+                e.begin([(f, values[f.name]) for f in self.fields if f.belongs_to_scene(e.scene)], frames)
                 self.walked += frames / e.last / len(self.experiments)
                 self.launches += 1
                 yield e, frames
 
-    def chain(self, e: Experiment, gradient: Gradient, theta: np.ndarray) -> np.ndarray:
+    def chain(self, e: RecordedExperiment, gradient: Gradient, theta: np.ndarray) -> np.ndarray:
         """Gradient with respect to theta, from a gradient of one experiment."""
         parts = zip(self.fields, self.parts(theta), self.shapes, strict=True)
-        return np.concatenate([(f.slope(e.sim, gradient, s) * f.map.slope(t)).ravel() if f.belongs(e.scene)
+        return np.concatenate([(f.slope(e.sim, gradient, s) * f.map.slope(t)).ravel() if f.belongs_to_scene(e.scene)
                                else np.zeros(t.size) for f, t, s in parts])
 
-    def probes(self, theta: np.ndarray) -> np.ndarray:
+    def probe_jacobian(self, theta: np.ndarray) -> np.ndarray:
         """Y (n, PROBES) with Y Y^T about J^T J: products of J^T with random signs. Raises SceneError where a run breaks."""
         rng, found = np.random.default_rng(self.launches), np.zeros((len(theta), PROBES))
         for e, frames in self.begun(theta):
@@ -189,8 +189,8 @@ class Adjoint:
         """J^T (r' - r), r' the residuals with half the time step. Raises SceneError where a run breaks."""
         values, found = dict(zip([f.name for f in self.fields], self.values(theta), strict=True)), np.zeros(len(theta))
         for e, frames in self.begun(theta):
-            r, fine = e.residuals(frames), e.finer()
-            fine.begin([(f, values[f.name]) for f in self.fields if f.belongs(e.scene)], frames)
+            r, fine = e.residuals(frames), e.with_more_substeps()
+            fine.begin([(f, values[f.name]) for f in self.fields if f.belongs_to_scene(e.scene)], frames)
             found += self.chain(e, e.back(frames, [b - a for a, b in zip(r, fine.residuals(frames), strict=True)]), theta)
             self.walked += 2.0 * frames / e.last / len(self.experiments)
         return found

@@ -7,9 +7,9 @@ them is their derivative; the chain rule does the rest.
 import numpy as np
 
 from wsim.fitting import parameter
-from wsim.fitting.fields.field import Kind, ParameterField, fields, is_field
-from wsim.fitting.fields.prior import Belief
-from wsim.fitting.least_squares.bounds import Map
+from wsim.fitting.fields.field import FieldKind, ParameterField, fields_of_names, is_field
+from wsim.fitting.fields.prior import NeighbourBelief
+from wsim.fitting.least_squares.bounds import FittingMap
 from wsim.fitting.parameter import Parameter
 from wsim.gradient.gradient import Gradient
 from wsim.scene import Problem, Scene, SceneError
@@ -19,28 +19,28 @@ from wsim.simulation.simulation import Simulation
 LOADS = ("force", "traction")             # whose gradients have a row for each key
 
 
-class Number:
+class NumberField:
     """A parameter with one value (1, 1), in the form of a `ParameterField`."""
 
     belief, near = "free", 1.0
 
     def __init__(self, parameter: Parameter):
         self.parameter, self.name, self.path = parameter, parameter.name, parameter.path
-        self.kind = Kind(parameter.what, (), "number", parameter.unit, parameter.map)
+        self.kind = FieldKind(parameter.what, (), "number", parameter.unit, parameter.map)
         self.now = np.nan
 
     @property
-    def map(self) -> Map:
+    def map(self) -> FittingMap:
         return self.kind.map
 
-    def belongs(self, scene: Scene) -> bool:
+    def belongs_to_scene(self, scene: Scene) -> bool:
         return bool(self.parameter.rows(scene))
 
     def values(self, sim: Simulation, last: int) -> np.ndarray:
         return np.array([[self.parameter.value(sim.given)]])
 
-    def belief_at(self, sim: Simulation, theta: np.ndarray) -> Belief:
-        return Belief(np.zeros((0, 2), np.int64), "free", self.near, theta.copy())
+    def belief_at(self, sim: Simulation, theta: np.ndarray) -> NeighbourBelief:
+        return NeighbourBelief(np.zeros((0, 2), np.int64), "free", self.near, theta.copy())
 
     def live(self, scene: Scene, value: float) -> list[tuple[str, str, object]]:
         return self.parameter.live(self.parameter.written(scene, value))
@@ -63,11 +63,11 @@ class Number:
         return self.parameter.written(scene, float(values[0, 0]))
 
 
-def give(sim: Simulation, given: list[tuple[ParameterField | Number, np.ndarray]]) -> None:
+def set_fields_and_numbers(sim: Simulation, given: list[tuple[ParameterField | NumberField, np.ndarray]]) -> None:
     """Values of fields and numbers; several numbers may be parts of one value (of a vector, of warp and weft)."""
     scene, numbers = sim.given, []
     for thing, values in given:
-        if isinstance(thing, Number):
+        if isinstance(thing, NumberField):
             thing.now = float(values[0, 0])
             scene = thing.written(scene, values)
             numbers.append(thing)
@@ -78,31 +78,32 @@ def give(sim: Simulation, given: list[tuple[ParameterField | Number, np.ndarray]
     sim.changes.clear()
 
 
-def several(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[ParameterField | Number], list[Scene]]:
+def numbers_and_fields(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[ParameterField | NumberField],
+                                                                                    list[Scene]]:
     """Numbers, then fields, of these names, and the scenes with the start values of the numbers. Raises SceneError with
     everything that is wrong."""
     plain = [n for n in names if not is_field(n)]
     problems: list[Problem] = []
-    found: list[ParameterField | Number] = []
+    found: list[ParameterField | NumberField] = []
     try:
         if plain:
             given = {p: v for p, v in start.items() if not is_field(p) and np.ndim(v) == 0}
-            numbers, scenes = parameter.parameters(plain, scenes, given)
-            found += [Number(p) for p in numbers]
+            numbers, scenes = parameter.parameters_of_names(plain, scenes, given)
+            found += [NumberField(p) for p in numbers]
     except SceneError as error:
         problems += error.problems
     try:
-        found += fields([n for n in names if is_field(n)], scenes)
+        found += fields_of_names([n for n in names if is_field(n)], scenes)
     except SceneError as error:
         problems += error.problems
     problems += [Problem(n.name, f"and {f.name} are of one body ({f.path}); name one of them") for n in found for f in found
-                 if isinstance(n, Number) and isinstance(f, ParameterField) and _same(n, f, scenes)]
+                 if isinstance(n, NumberField) and isinstance(f, ParameterField) and _number_is_of_field(n, f, scenes)]
     if problems:
         raise SceneError(problems)
     return found, scenes
 
 
-def _same(n: Number, f: ParameterField, scenes: list[Scene]) -> bool:
+def _number_is_of_field(n: NumberField, f: ParameterField, scenes: list[Scene]) -> bool:
     """Whether both say what one body has."""
     return f.kind.name in PARTS.get(n.kind.name, (n.kind.name,)) and any(
         getattr(thing, "path", "/") == f.path for s in scenes for _, thing in n.parameter.rows(s))

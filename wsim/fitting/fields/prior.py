@@ -18,7 +18,7 @@ EDGE = 0.1             # of s: differences below count as smooth
 
 
 @dataclass
-class Belief:
+class NeighbourBelief:
     """The prior of one field. kind: "smooth", "tv" or "free"."""
 
     pairs: np.ndarray                         # neighbours, (k, 2)
@@ -54,7 +54,7 @@ class Belief:
         return 1.0 / (size * self.s**2)
 
 
-def neighbours(ids: np.ndarray, count: int) -> np.ndarray:
+def elements_sharing_points(ids: np.ndarray, count: int) -> np.ndarray:
     """Elements (m, k) of points that share one of `count` points, each with the next about that point, (.., 2)."""
     element, point = np.repeat(np.arange(len(ids)), ids.shape[1]), ids.ravel()
     order = np.lexsort((element, point))
@@ -63,7 +63,7 @@ def neighbours(ids: np.ndarray, count: int) -> np.ndarray:
     return np.unique(np.stack([element[:-1][same], element[1:][same]], axis=1), axis=0)
 
 
-def faces(tets: np.ndarray) -> np.ndarray:
+def tets_sharing_faces(tets: np.ndarray) -> np.ndarray:
     """Tets (t, 4) that share a face, (.., 2)."""
     corner = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]], axis=2).reshape(-1, 3)
     order = np.lexsort(corner.T)

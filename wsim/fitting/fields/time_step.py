@@ -13,23 +13,23 @@ from math import sqrt
 
 import numpy as np
 
-from wsim.fitting.fields.error_bars import SOME, Deviation, Newton
-from wsim.fitting.fields.misfit import Adjoint
+from wsim.fitting.fields.error_bars import SOME, NewtonSystem, ThetaDeviation
+from wsim.fitting.fields.misfit import AdjointMisfit
 from wsim.scene import SceneError
 
 
-class HalfStep:
+class FieldHalfStep:
     """The shift. rms: of all values, root mean square in error bars; shifts: of theta of each number. None: not known, see
     `why`."""
 
-    def __init__(self, misfit: Adjoint, theta: np.ndarray, sigma: float, Y: np.ndarray, bars: list[Deviation]):
+    def __init__(self, misfit: AdjointMisfit, theta: np.ndarray, sigma: float, Y: np.ndarray, bars: list[ThetaDeviation]):
         """sigma: noise; Y: probes at theta; bars: of the numbers."""
         self.rms: float | None = None
         self.shifts: list[float | None] = [None] * len(bars)
         self.why = ""
         try:
             g = misfit.half_step(theta) / sigma**2
-            z, _ = Newton(misfit, theta, sigma, Y).solve(g, SOME)
+            z, _ = NewtonSystem(misfit, theta, sigma, Y).solve(g, SOME)
         except SceneError as error:
             self.why = f"the shift by the time step is unknown, as a run with half of it failed: {error}"
             return
@@ -37,7 +37,7 @@ class HalfStep:
         self.shifts = [-float(b.column @ g) for b in bars]
 
     @property
-    def matters(self) -> bool:
+    def exceeds_error_bar(self) -> bool:
         """True if the shift is larger than an error bar."""
         return self.rms is not None and self.rms > 1.0
 
@@ -45,4 +45,4 @@ class HalfStep:
         if self.why:
             return [self.why]
         return [f"half the time step shifts the values by at least {self.rms:.2g} error bars (root mean square), which account "
-                "for noise only; take more substeps and fit again"] * self.matters
+                "for noise only; take more substeps and fit again"] * self.exceeds_error_bar

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.scene.values.value import LARGE, Theta
+from wsim.scene.values.value import LARGE, ThetaMap
 
 
 @dataclass(frozen=True)
-class Map(Theta):
+class FittingMap(ThetaMap):
     """theta of a value, the value of theta, and d value / d theta, by what a row of the table of values says: low, high of
     "bounded"; of "plain" high is the value of theta = 1."""
 
     @staticmethod
-    def of(row: Theta) -> "Map":
-        return Map(row.kind, row.low, row.high)
+    def of(row: ThetaMap) -> "FittingMap":
+        return FittingMap(row.kind, row.low, row.high)
 
     def forward(self, value):
         """theta of a number or an array. Raises ValueError, with what is allowed, outside the range."""
@@ -47,5 +47,5 @@ class Map(Theta):
         return (value - self.low) * (self.high - value) / (self.high - self.low)
 
 
-LOG, PLAIN = Map("log"), Map("plain", high=LARGE)
-WIDE = Map("bounded", -1.0, 0.5)
+LOG, PLAIN = FittingMap("log"), FittingMap("plain", high=LARGE)
+WIDE = FittingMap("bounded", -1.0, 0.5)

@@ -11,20 +11,20 @@ from math import sqrt
 import numpy as np
 
 from wsim.fitting.least_squares.levenberg_marquardt import LOUD
-from wsim.fitting.least_squares.search import Search
+from wsim.fitting.least_squares.search import FitSearch
 
 MOST = 4.0             # deviations of chance that are not yet told
 ALIKE = 0.1            # rho that is told
 
 
-def origin(search: Search, noise: float) -> str:
+def origin_of_noise(search: FitSearch, noise: float) -> str:
     """Origin of the noise: "given", "estimated", or "floor"."""
     best = search.best
     assert best is not None
     return "floor" if noise <= search.floor(best) and noise != 1.0 else "given" if search.known else "estimated"
 
 
-def notes(search: Search, noise: float, left: float) -> list[str]:
+def notes_on_goodness(search: FitSearch, noise: float, left: float) -> list[str]:
     """left: root of chi^2 / (n - p)."""
     best, found = search.best, []
     assert best is not None
@@ -36,15 +36,15 @@ def notes(search: Search, noise: float, left: float) -> list[str]:
         found.append(f"what is left grows from {sqrt(best.quiet):.2g} to {sqrt(noise):.2g} {search.misfit.unit} with time: "
                      "the model misses something, or this is a wrong valley; try other start values, and do not trust the "
                      "error bars")
-    found += _flat(search, noise)
+    found += _notes_on_symmetry(search, noise)
     rho = best.alike / max(best.misfit, 1e-300)
-    if origin(search, noise) != "floor" and rho > max(ALIKE, MOST / sqrt(free)):
+    if origin_of_noise(search, noise) != "floor" and rho > max(ALIKE, MOST / sqrt(free)):
         found.append(f"what is left is alike from frame to frame (correlation {rho:.2f}) and so no noise: the model misses "
                      "something (a coarse mesh, say), and error bars do not say how much; do not trust them")
     return found
 
 
-def _flat(search: Search, noise: float) -> list[str]:
+def _notes_on_symmetry(search: FitSearch, noise: float) -> list[str]:
     """Directions in which first derivatives are 0 and second ones are not: a place of symmetry, where no step begins."""
     best, spectrum = search.best, search.spectrum(search.best)        # type: ignore[arg-type]
     if best is None or best.second is None:

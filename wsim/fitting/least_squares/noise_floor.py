@@ -7,39 +7,39 @@
 
 import numpy as np
 
-from wsim.fitting.observations.observe import pointed
+from wsim.fitting.observations.observe import objects_with_points
 from wsim.scene import Scene
 
 EXACT = 1e-7
 
 
-def floor(experiments: list[tuple[Scene, list]]) -> float:
+def observation_noise_floor(experiments: list[tuple[Scene, list]]) -> float:
     """Root of the mean square over all that was observed, in the unit of residuals: [m], [N], or of the given noise."""
     square, count = 0.0, 0
     for scene, seen in experiments:
         for o in seen:
-            values = _values(o)
-            error = max(EXACT * _size(o, values, scene), _rounding(o, values)) / (o.sigma or 1.0)
+            values = _finite_observed_values(o)
+            error = max(EXACT * _size_of_observed(o, values, scene), _single_precision_rounding(o, values)) / (o.sigma or 1.0)
             square, count = square + len(values) * error**2, count + len(values)
     return float(np.sqrt(square / max(count, 1)))
 
 
-def _values(o) -> np.ndarray:
+def _finite_observed_values(o) -> np.ndarray:
     values = next(getattr(o, name) for name in ("values", "positions", "points") if hasattr(o, name))
     values = np.asarray(values, np.float64).ravel()
     return values[np.isfinite(values)]
 
 
-def _size(o, values: np.ndarray, scene: Scene) -> float:
+def _size_of_observed(o, values: np.ndarray, scene: Scene) -> float:
     if o.unit == "N" or hasattr(o, "field"):
         return float(np.abs(values).max(initial=0.0))
     if hasattr(o, "local"):
         return float(np.ptp(o.local, axis=0).max(initial=0.0))
-    points = next(np.asarray(b.points, np.float64) for b in pointed(scene) if b.path == o.path)
+    points = next(np.asarray(b.points, np.float64) for b in objects_with_points(scene) if b.path == o.path)
     return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
 
 
-def _rounding(o, values: np.ndarray) -> float:
+def _single_precision_rounding(o, values: np.ndarray) -> float:
     """0 of values that float32 does not hold."""
     single = np.abs(values).astype(np.float32)
     if not len(values) or (o.source == "observations" and not np.array_equal(single, np.abs(values))):

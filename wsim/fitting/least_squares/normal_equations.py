@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.fitting.observations.residuals import ResidualBlock, Steps
+from wsim.fitting.observations.residuals import DifferenceSteps, ResidualBlock
 
 SURE = 3.0             # errors of J below which a singular value is one of them
 FARTHEST = 0.03        # of theta: largest step of a difference
@@ -24,7 +24,7 @@ FEW = 20               # residuals more than parameters, from which they tell wh
 
 
 @dataclass
-class Spectrum:
+class JacobianSpectrum:
     """J = U S V^T, the error of each S, and which of them stand out from it."""
 
     S: np.ndarray
@@ -39,11 +39,11 @@ class Spectrum:
 
 
 @dataclass
-class Sums:
+class NormalEquations:
     """Sums over all that was seen until `time`."""
 
     theta: np.ndarray
-    steps: Steps
+    steps: DifferenceSteps
     R: np.ndarray                             # (p + 1, p + 1)
     bend: np.ndarray | None                   # J^T K, (p, directions)
     second: np.ndarray | None                 # |K|^2 of each direction
@@ -59,10 +59,10 @@ class Sums:
     size: int = 0                             # [bytes] of all r and J
 
     @staticmethod
-    def at(theta: np.ndarray, steps: Steps, central: bool) -> "Sums":
+    def at(theta: np.ndarray, steps: DifferenceSteps, central: bool) -> "NormalEquations":
         p = len(theta)
-        return Sums(theta.copy(), steps, np.zeros((p + 1, p + 1)), np.zeros((p, p)) if central else None,
-                    np.zeros(p) if central else None)
+        return NormalEquations(theta.copy(), steps, np.zeros((p + 1, p + 1)), np.zeros((p, p)) if central else None,
+                               np.zeros(p) if central else None)
 
     def add(self, part: ResidualBlock) -> None:
         assert part.J is not None
@@ -106,12 +106,12 @@ class Sums:
             return np.sqrt(self.second / 12.0) * h
         return 0.5 * CRUDE * h * np.linalg.norm(self.J @ self.steps.B, axis=0) + chance / h
 
-    def spectrum(self, chance: float = 0.0) -> Spectrum:
+    def spectrum(self, chance: float = 0.0) -> JacobianSpectrum:
         S, V = np.linalg.svd(self.J)[1:]
         error = np.linalg.norm(self.errors(chance)[:, None] * (self.steps.B.T @ V.T), axis=0)
-        return Spectrum(S, V, error, np.maximum(SURE * error, LOST * S[0]) < S)
+        return JacobianSpectrum(S, V, error, np.maximum(SURE * error, LOST * S[0]) < S)
 
-    def next_steps(self, eps: float, chance: float, quiet: float) -> Steps:
+    def next_steps(self, eps: float, chance: float, quiet: float) -> DifferenceSteps:
         """Steps for differences from here on. quiet: s^2 of chance that would not matter: the step along what is seen best is
         made so short that second differences, were they all chance, are below."""
         s = self.spectrum(chance)
@@ -121,4 +121,4 @@ class Sums:
         if self.second is not None and s.kept[0]:
             bent = np.sqrt(self.second.max() / max(6 * self.count, 1))
             h[0] = np.clip(np.sqrt(np.sqrt(quiet) / max(bent, 1e-300)), 0.1 * eps, eps)
-        return Steps(s.V.T.copy(), h)
+        return DifferenceSteps(s.V.T.copy(), h)

@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from wsim.fitting import state
-from wsim.fitting.copies import Broken
-from wsim.fitting.least_squares.levenberg_marquardt import RADIUS, LevenbergMarquardt, Prior
-from wsim.fitting.least_squares.normal_equations import Sums
-from wsim.fitting.observations.residuals import Misfit, ResidualBlock, Steps
+from wsim.fitting.copies import BrokenRun
+from wsim.fitting.least_squares.levenberg_marquardt import RADIUS, LevenbergMarquardt, NormalPrior
+from wsim.fitting.least_squares.normal_equations import NormalEquations
+from wsim.fitting.observations.residuals import DifferenceSteps, Misfit, ResidualBlock
 from wsim.scene import Problem, SceneError
 
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
@@ -24,37 +24,37 @@ SLACK = 1e-3           # of the misfit: as good as equal
 LEAST = 1e-9           # of theta: a shorter step counts as none
 
 
-class Search(LevenbergMarquardt):
+class FitSearch(LevenbergMarquardt):
     """theta, and how it got there. `run` until it is found, or `limit` simulations are spent; `best` is the result."""
 
-    def __init__(self, misfit: Misfit, theta: np.ndarray, prior: Prior, *, sigma: bool, limit: float = 200.0,
-                 accuracy: float = 0.0, each: Callable[["Search"], None] = lambda search: None):
+    def __init__(self, misfit: Misfit, theta: np.ndarray, prior: NormalPrior, *, sigma: bool, limit: float = 200.0,
+                 accuracy: float = 0.0, each: Callable[["FitSearch"], None] = lambda search: None):
         """sigma, accuracy: as of LevenbergMarquardt."""
         super().__init__(prior, sigma=sigma, accuracy=accuracy, floor=misfit.floor, eps=misfit.eps, end=misfit.moments[-1])
         self.misfit, self.theta, self.limit, self.each, self.steps = misfit, theta, limit, each, 0
-        self.best: Sums | None = None
+        self.best: NormalEquations | None = None
         self.least = 0.0                       # time [s] to which the next run goes in any case
         self.accepted, self.converged, self.notes = False, False, []      # type: ignore[var-annotated]
 
     # a walk through time
 
-    def look(self) -> Sums | None:
+    def look(self) -> NormalEquations | None:
         """Sums at theta as far as they are worth it; None where the last step was wrong."""
         best = self.best
-        sums, most = Sums.at(self.theta, self.next_steps(best, len(self.theta)), self.misfit.central), np.inf
+        sums, most = NormalEquations.at(self.theta, self.next_steps(best, len(self.theta)), self.misfit.central), np.inf
         if best:
             most = self.cost(best, best) + SLACK
             most += SLACK * most
         try:
             for part in self.misfit.walk(self.theta, steps=sums.steps):
-                if self.torn(part, sums):
+                if self.responds_nonlinearly(part, sums):
                     break
                 sums.add(part)
                 if best and sums.time <= best.time and self.cost(sums, best) > most:
                     return None
                 if sums.time >= max(self.least, best.time if best else 0.0) and self.ends(sums):
                     return sums
-        except Broken as broken:
+        except BrokenRun as broken:
             if not sums.rows and best is None:
                 raise SceneError(Problem("start", f"with the start values the simulation breaks before anything was seen: "
                                          f"{broken}; give other start values, or more substeps")) from None
@@ -66,10 +66,10 @@ class Search(LevenbergMarquardt):
             return None
         return sums
 
-    def cost(self, sums: Sums, best: Sums) -> float:
+    def cost(self, sums: NormalEquations, best: NormalEquations) -> float:
         return sums.misfit / self.noise(best) + self.prior.misfit(sums.theta)
 
-    def torn(self, part: ResidualBlock, sums: Sums) -> bool:
+    def responds_nonlinearly(self, part: ResidualBlock, sums: NormalEquations) -> bool:
         """True if a change by NEAR is no longer answered in proportion: beyond this moment nothing can be said."""
         if part.K is None or part.J is None or not len(part.r) or not sums.rows:
             return False
@@ -78,10 +78,10 @@ class Search(LevenbergMarquardt):
         if not np.any((second > LINEAR * first) & (second > np.sqrt(self.noise(sums)))):
             return False
         self.stop(sums, f"the motion is chaotic or not smooth beyond: a change of {100.0 * NEAR:g} % is no longer answered in "
-                        f"proportion; {rate(sums)}")
+                        f"proportion; {describe_growth_rate(sums)}")
         return True
 
-    def stop(self, sums: Sums, text: str) -> None:
+    def stop(self, sums: NormalEquations, text: str) -> None:
         """The horizon ends at what was summed up."""
         if not sums.rows:
             raise SceneError(Problem("horizon", f"nothing can be fitted: {text}; observe earlier frames, or give better start "
@@ -111,21 +111,21 @@ class Search(LevenbergMarquardt):
                     self.best = self.look_behind(sums)
                     self.converged = self.there(self.best)
             self.theta = self.best.theta + self.step(self.best)[0]
-            if self.halts(before):
+            if self.stalls_before_end(before):
                 self.go_on()
             self.each(self)
-            if self.stuck():
+            if self.no_step_is_left():
                 break
         if not self.converged and self.misfit.walked >= self.limit:
             self.notes.append(f"not converged within {self.limit:g} simulations: allow more, or start nearer")
 
-    def look_behind(self, best: Sums) -> Sums:
+    def look_behind(self, best: NormalEquations) -> NormalEquations:
         """Forward differences see no curvature, and cannot tell chance from answers: once more with the other sign, which makes
         central ones of them."""
-        sums = Sums.at(best.theta, best.steps, central=True)
+        sums = NormalEquations.at(best.theta, best.steps, central=True)
         first: list[ResidualBlock] = []
         try:
-            for steps in (best.steps, Steps(best.steps.B, -best.steps.h)):
+            for steps in (best.steps, DifferenceSteps(best.steps.B, -best.steps.h)):
                 for k, part in enumerate(self.misfit.walk(best.theta, steps=steps)):
                     if part.time > best.time:
                         break
@@ -134,11 +134,11 @@ class Search(LevenbergMarquardt):
                         continue
                     curves = (first[k].J - part.J) @ best.steps.B / best.steps.h          # type: ignore[operator]
                     sums.add(ResidualBlock(part.time, part.frame, part.r, 0.5 * (first[k].J + part.J), curves))      # type: ignore[operator]
-        except Broken:
+        except BrokenRun:
             return best
         return sums
 
-    def halts(self, before: Sums | None) -> bool:
+    def stalls_before_end(self, before: NormalEquations | None) -> bool:
         """True if no step reduces the misfit, and later frames are left. before: the best sums before this step."""
         best = self.best
         assert best is not None
@@ -155,13 +155,13 @@ class Search(LevenbergMarquardt):
         self.least = next((t for t in later if t >= 2.0 * self.best.time), later[-1])
         self.theta, self.radius = self.best.theta.copy(), RADIUS
 
-    def stuck(self) -> bool:
+    def no_step_is_left(self) -> bool:
         """True if no step is left though the fit has not converged; it says why."""
         best = self.best
         assert best is not None
         if self.converged or best.time < self.end or self.hidden(best):
             return False
-        strong, weak = self.promises(best)
+        strong, weak = self.promised_decrease(best)
         if strong is None and weak <= 1.0:
             self.notes.append("nothing that is fitted shows in what was observed by more than its noise: the values are about "
                               "those at the start, and say nothing")
@@ -181,24 +181,24 @@ class Search(LevenbergMarquardt):
         b = self.best
         best = b and {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in vars(b).items()
                       if name not in ("steps", "before", "blocks")}
-        state.write(path, self.names, {
+        state.write_fit_state(path, self.names, {
             "theta": self.theta.tolist(), "radius": self.radius, "steps": self.steps, "simulations": self.misfit.walked,
             "launches": self.misfit.launches, "converged": self.converged, "end": self.end, "notes": self.notes, "best": best,
             "along": b and [b.steps.B.tolist(), b.steps.h.tolist()]})
 
     def resume(self, path) -> None:
         """Goes on from a file of `save`. Raises SceneError where it is of another fit."""
-        with state.reading(path, self.names) as found:
+        with state.reading_fit_state(path, self.names) as found:
             b = found["best"]
             self.theta, self.radius, self.steps = np.array(found["theta"]), float(found["radius"]), int(found["steps"])
             self.misfit.walked, self.misfit.launches = float(found["simulations"]), int(found["launches"])
             self.converged, self.end, self.notes = bool(found["converged"]), float(found["end"]), list(found["notes"])
             if b:
                 arrays = {k: None if b[k] is None else np.array(b[k]) for k in ("theta", "R", "bend", "second")}
-                self.best = Sums(**b | arrays, steps=Steps(*(np.array(a) for a in found["along"])))
+                self.best = NormalEquations(**b | arrays, steps=DifferenceSteps(*(np.array(a) for a in found["along"])))
 
 
-def rate(sums: Sums) -> str:
+def describe_growth_rate(sums: NormalEquations) -> str:
     """Growth of derivatives at the end of the horizon, in words."""
     times, J = np.array([r[0] for r in sums.rows]), np.array(sums.growth)
     late = times >= 0.5 * times[-1] if len(times) else np.zeros(0, bool)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.fitting.copies import Broken
-from wsim.fitting.least_squares.search import Search
-from wsim.fitting.least_squares.uncertainty import Estimate
+from wsim.fitting.copies import BrokenRun
+from wsim.fitting.least_squares.search import FitSearch
+from wsim.fitting.least_squares.uncertainty import ParameterEstimate
 from wsim.fitting.parameter import Parameter
 from wsim.scene import SceneError
 
@@ -22,7 +22,7 @@ FAR = 1.0              # of theta: a factor e; beyond it the linear model is inv
 
 
 @dataclass
-class TimeStep:
+class TimeStepShift:
     """Shift of each parameter by half the time step, (p,); NaN: not known.
 
     values: in the parameters' units. bars: in error bars. far: True if the shift is larger than `values` has it.
@@ -34,14 +34,14 @@ class TimeStep:
     why: str = ""                # reason if nothing is known
 
     @property
-    def matters(self) -> np.ndarray:
+    def exceeds_error_bar(self) -> np.ndarray:
         """Mask of the parameters that are shifted by more than their error bar."""
         return np.abs(np.nan_to_num(self.bars)) > 1.0
 
     def notes(self, parameters: list[Parameter], values: np.ndarray) -> list[str]:
         """Warnings about shifts that are larger than an error bar."""
         names = [f"{p.name} by {self.told(k, values[k])}"
-                 for k, p in enumerate(parameters) if self.matters[k]]
+                 for k, p in enumerate(parameters) if self.exceeds_error_bar[k]]
         return [self.why] * bool(self.why) + [
             f"half the time step shifts {', '.join(names)}: more than the error bars, which account for noise only; take "
             "more substeps (or fluid steps) and fit again"] * bool(names)
@@ -55,16 +55,16 @@ class TimeStep:
         return f"{'over ' * bool(self.far[k])}{size} ({abs(self.bars[k]):.2g} error bars)"
 
 
-def unknown(count: int, why: str = "") -> TimeStep:
-    return TimeStep(np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, bool), why)
+def unknown_time_step_shift(count: int, why: str = "") -> TimeStepShift:
+    return TimeStepShift(np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, bool), why)
 
 
-def halve(search: Search, e: Estimate, noise: float) -> TimeStep:
+def shift_by_half_time_step(search: FitSearch, e: ParameterEstimate, noise: float) -> TimeStepShift:
     """The shift of the result of a search; noise: s^2 of the estimate. Costs two simulations of one copy."""
     best, misfit, count = search.best, search.misfit, len(e.theta)
     known = np.isfinite(e.errors)
     if best is None or not known.any():
-        return unknown(count)
+        return unknown_time_step_shift(count)
     try:
         blocks = best.blocks or ((part.r, part.J) for part in misfit.walk(best.theta, steps=best.steps) if part.J is not None)
         slope = np.zeros(count)
@@ -72,11 +72,12 @@ def halve(search: Search, e: Estimate, noise: float) -> TimeStep:
             slope += J.T @ (part.r - r)
             if part.time >= best.time:
                 break
-    except (Broken, SceneError) as error:
-        return unknown(count, f"the shift by the time step is unknown, as a run with half of it failed: {error}")
+    except (BrokenRun, SceneError) as error:
+        return unknown_time_step_shift(count,
+                                       f"the shift by the time step is unknown, as a run with half of it failed: {error}")
     d = np.where(known, -e.covariance @ slope / noise, np.nan)
     near = np.clip(d, -FAR, FAR)
     moved = [p.map.inverse(float(t)) if np.isfinite(t) else np.nan
              for p, t in zip(misfit.parameters, e.theta + near, strict=True)]
     sigma = np.sqrt(np.diag(e.covariance))
-    return TimeStep(np.array(moved) - e.values, d / np.where(sigma > 0.0, sigma, np.nan), np.abs(np.nan_to_num(d)) > FAR)
+    return TimeStepShift(np.array(moved) - e.values, d / np.where(sigma > 0.0, sigma, np.nan), np.abs(np.nan_to_num(d)) > FAR)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wsim.fitting.least_squares.levenberg_marquardt import OPEN
-from wsim.fitting.least_squares.normal_equations import Spectrum
+from wsim.fitting.least_squares.normal_equations import JacobianSpectrum
 from wsim.fitting.parameter import Parameter
 
 NOTHING = 0.01         # of the noise, what a factor e of a parameter moves of all that was observed: said to be nothing
@@ -21,7 +21,7 @@ PART = 0.2             # of a direction's largest entry, from which a parameter 
 
 
 @dataclass
-class Estimate:
+class ParameterEstimate:
     """Estimates of the parameters, (p,), each in its unit; `theta` in the mapped space."""
 
     theta: np.ndarray
@@ -36,7 +36,8 @@ class Estimate:
     words: list[str]
 
 
-def estimate(parameters: list[Parameter], theta: np.ndarray, spectrum: Spectrum, noise: float, prior: np.ndarray) -> Estimate:
+def estimate_with_errors(parameters: list[Parameter], theta: np.ndarray, spectrum: JacobianSpectrum, noise: float,
+                         prior: np.ndarray) -> ParameterEstimate:
     """spectrum of the Jacobian at theta, noise s^2, prior: weights (p,) of the priors."""
     singular, V, J = spectrum.S / np.sqrt(noise), spectrum.V, spectrum.J
     wide = (singular < 1.0 / OPEN) | ~spectrum.kept
@@ -58,23 +59,24 @@ def estimate(parameters: list[Parameter], theta: np.ndarray, spectrum: Spectrum,
                            for p, t in zip(parameters, theta + s * sigma, strict=True)]) for s in (-2.0, 2.0))
     errors = np.where(np.isfinite(sigma), slopes * np.where(np.isfinite(sigma), sigma, 0.0), np.inf)
     dark = [v for v in directions if np.linalg.norm(J @ v) < NOTHING * np.sqrt(noise)]
-    return Estimate(theta, values, errors, low, high, C, correlation, singular, directions,
-                    words(parameters, dark, np.sqrt((J**2).sum(axis=0) / noise))
-                    + faint(parameters, [v for v in directions if not any(v is d for d in dark)]))
+    return ParameterEstimate(theta, values, errors, low, high, C, correlation, singular, directions,
+                             describe_open_directions(parameters, dark, np.sqrt((J**2).sum(axis=0) / noise))
+                             + describe_faint_directions(parameters, [v for v in directions if not any(v is d for d in dark)]))
 
 
-def faint(parameters: list[Parameter], directions: list[np.ndarray]) -> list[str]:
+def describe_faint_directions(parameters: list[Parameter], directions: list[np.ndarray]) -> list[str]:
     """Directions that show, and by less than the noise."""
     found = []
     for v in directions:
         names = [p.name for p, part in zip(parameters, v, strict=True) if abs(part) > PART]
         what = "its value is" if len(names) == 1 else "together their values are"
-        found.append(f"{_listed(names)} show{'s' * (len(names) == 1)} in what was observed by less than the noise: {what} not "
+        found.append(f"{_list_of_names(names)} show{'s' * (len(names) == 1)} in what was observed by less than the noise: "
+                     f"{what} not "
                      "known to a factor e; give a prior, or better data")
     return found
 
 
-def words(parameters: list[Parameter], directions: list[np.ndarray], seen: np.ndarray) -> list[str]:
+def describe_open_directions(parameters: list[Parameter], directions: list[np.ndarray], seen: np.ndarray) -> list[str]:
     """Directions that do not show, whatever the noise. seen: length of each column of J / s."""
     if not directions:
         return []
@@ -86,13 +88,13 @@ def words(parameters: list[Parameter], directions: list[np.ndarray], seen: np.nd
     if len(directions) - len(alone) == 1:
         V[:, alone] = 0.0
         v = V[np.argmax(np.linalg.norm(V, axis=1))]
-        return [*found, _direction(parameters, v / v[np.argmax(np.abs(v))])]
+        return [*found, _describe_direction(parameters, v / v[np.argmax(np.abs(v))])]
     held = [p.name for k, p in enumerate(parameters) if k not in alone and np.abs(V[:, k]).max() > PART]
-    return [*found, f"of {_listed(held)} only {len(held) - len(directions) + len(alone)} "
+    return [*found, f"of {_list_of_names(held)} only {len(held) - len(directions) + len(alone)} "
             f"combination{'s' * (len(held) - len(directions) + len(alone) != 1)} can be found: give priors, or other data"]
 
 
-def _direction(parameters: list[Parameter], v: np.ndarray) -> str:
+def _describe_direction(parameters: list[Parameter], v: np.ndarray) -> str:
     """One open direction, its largest entry 1."""
     own = [k for k in range(len(v)) if abs(v[k]) > PART]
     names = [parameters[k].name for k in own]
@@ -102,24 +104,26 @@ def _direction(parameters: list[Parameter], v: np.ndarray) -> str:
         return f"{names[0]} changes nothing that was observed: it cannot be found from these data"
     if not (logs and even):
         parts = ", ".join(f"{parameters[k].name} {'x' if parameters[k].map.kind == 'log' else '+'} "
-                          f"{_amount(parameters[k], v[k])}" for k in own)
-        return f"{_listed(names)} can change together and nothing that was observed changes ({parts}, say): give one of " \
-               "them, or a prior"
+                          f"{_amount_of_change(parameters[k], v[k])}" for k in own)
+        return (f"{_list_of_names(names)} can change together and nothing that was observed changes ({parts}, say): give one "
+                f"of "
+                "them, or a prior")
     up, down = ([parameters[k].name for k in own if v[k] * s > 0.0] for s in (1.0, -1.0))
     if len(own) == 2:
         what = f"the ratio of {up[0]} to {down[0] if down else up[1]}" if not down else f"the product of {up[0]} and {down[0]}"
     elif not down:
-        what = f"the ratios of {_listed(up)} to each other"
+        what = f"the ratios of {_list_of_names(up)} to each other"
     else:
-        what = f"combinations that stay as they are when {_listed(up)} grow and {_listed(down)} shrink by the same factor"
-    return f"only {what} matters here: {_listed(names)} cannot be told apart; give one of them, or a prior"
+        what = (f"combinations that stay as they are when {_list_of_names(up)} grow and {_list_of_names(down)} shrink by the "
+                f"same factor")
+    return f"only {what} matters here: {_list_of_names(names)} cannot be told apart; give one of them, or a prior"
 
 
-def _amount(p: Parameter, v: float) -> str:
+def _amount_of_change(p: Parameter, v: float) -> str:
     if p.map.kind == "log":
         return f"{np.exp(0.1 * v):.3g}"
     return f"{0.1 * v * (p.map.high if p.map.kind == 'plain' else 1.0):.2g}"
 
 
-def _listed(names: list[str]) -> str:
+def _list_of_names(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

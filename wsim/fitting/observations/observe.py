@@ -108,11 +108,11 @@ class Scan:
         """Residuals as of `Track`; which place is nearest is found in world 0 and kept for the others."""
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         if not len(self.triangles):
-            near = _nearest(self.points, x[0], 1)[:, 0]
+            near = _nearest_places(self.points, x[0], 1)[:, 0]
             return ((x[:, near] - self.points) * root[:, None]).reshape(len(x), -1)
         corner, part = on_surface(self.points, x[0], self.triangles)
         return np.stack([((place - self.points) * normal).sum(axis=1) for place, normal, _ in
-                         (_plane(each[corner], part) for each in x)]) * root
+                         (_place_and_normal(each[corner], part) for each in x)]) * root
 
     def back(self, k: int, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Transposed derivative as of `Track`; exact but where another triangle is about to be nearest. A place that slides
@@ -121,11 +121,11 @@ class Scan:
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         found = np.zeros(x.shape)
         if not len(self.triangles):
-            near = _nearest(self.points, x, 1)[:, 0]
+            near = _nearest_places(self.points, x, 1)[:, 0]
             np.add.at(found, near, r.reshape(-1, 3) * root[:, None])
             return found
         corner, part = on_surface(self.points, x, self.triangles)
-        place, normal, double = _plane(x[corner], part)
+        place, normal, double = _place_and_normal(x[corner], part)
         e, f = x[corner[:, 1]] - x[corner[:, 0]], x[corner[:, 2]] - x[corner[:, 0]]
         off = place - self.points
         off = (off - (off * normal).sum(axis=1, keepdims=True) * normal) / np.where(double > 0.0, double, 1.0)[:, None]
@@ -137,14 +137,14 @@ class Scan:
         return found
 
 
-def _plane(corners: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _place_and_normal(corners: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of triangles (m, 3, 3): the place at these parts of the corners, the unit normal, twice the area."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=1)
     return np.einsum("mki,mk->mi", corners, part), normal / np.where(size > 0.0, size, 1.0)[:, None], size
 
 
-def _nearest(points: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
+def _nearest_places(points: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
     """Numbers of the `count` places (n, 3) nearest to each of points (m, 3), (m, count)."""
     count = min(count, len(places))
     rows = max(1, CHUNK // max(len(places), 1))
@@ -158,9 +158,9 @@ def _nearest(points: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
 
 def on_surface(points: np.ndarray, x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nearest place of a surface to each of points (m, 3): corners (m, 3) and their parts (m, 3)."""
-    near = _nearest(points, x[triangles].mean(axis=1), NEAR)
+    near = _nearest_places(points, x[triangles].mean(axis=1), NEAR)
     a, b, c = (x[triangles[near][..., i]] for i in range(3))
-    part = closest(points[:, None] - a, b - a, c - a)
+    part = closest_on_triangle(points[:, None] - a, b - a, c - a)
     place = a + part[..., :1] * (b - a) + part[..., 1:] * (c - a)
     best = np.argmin(((points[:, None] - place)**2).sum(-1), axis=1)
     row = np.arange(len(points))
@@ -168,7 +168,7 @@ def on_surface(points: np.ndarray, x: np.ndarray, triangles: np.ndarray) -> tupl
     return triangles[near[row, best]], np.stack([1.0 - u - v, u, v], axis=1)
 
 
-def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
+def closest_on_triangle(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
     """(u, v) of the place u e + v f of triangles 0, e, f nearest to p, each (..., 3)."""
     ee, ef, ff, pe, pf = ((s * t).sum(-1) for s, t in ((e, e), (e, f), (f, f), (p, e), (p, f)))
     det = ee * ff - ef * ef
@@ -189,20 +189,21 @@ def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 # what is wrong
 
-def pointed(scene: Scene) -> list:
+def objects_with_points(scene: Scene) -> list:
     """Objects whose points a fit can observe: cloth, springs, soft bodies, rods."""
     return [*scene.bodies(), *scene.things("Rods")]
 
 
-def wrong(observations: list, scene: Scene) -> list[Problem]:
+def problems_of_observations(observations: list, scene: Scene) -> list[Problem]:
     """All that is wrong with observations of a scene."""
     problems = []
     if not observations:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
     for o in observations:
-        rods = unseen(scene, isinstance(o, Scan))
+        rods = unobservable_rods(scene, isinstance(o, Scan))
         marked, smoke = hasattr(o, "local"), hasattr(o, "field")
-        noun, things = ("rigid body", scene.things("Body")) if marked else ("body", pointed(scene)) if o.unit == "m" else (
+        noun, things = ("rigid body", scene.things("Body")) if marked else ("body",
+                                                                            objects_with_points(scene)) if o.unit == "m" else (
             "pin", scene.pins)
         if smoke:
             noun, things = "fluid", scene.things("Fluid")
@@ -216,7 +217,7 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
             continue
         count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
         texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else \
-            _track(o, count) if isinstance(o, Track) else _scan(o, count)
+            _track_faults(o, count) if isinstance(o, Track) else _scan_faults(o, count)
         problems += [Problem(o.path, text) for text in texts]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
             problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite number > 0 [{o.unit}], or None"))
@@ -226,7 +227,7 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
     return problems
 
 
-def unseen(scene: Scene, scan: bool) -> dict[str, str]:
+def unobservable_rods(scene: Scene, scan: bool) -> dict[str, str]:
     """Messages on what fits cannot observe of rods, by path: forces of their pins and, with `scan`, the rods themselves."""
     found = {pin.path: f"is a pin of the rods {each.path}, and fits cannot use its force; observe the rods' points (Track)"
              for each in scene.things("Rods") for pin in each.pins}
@@ -234,7 +235,7 @@ def unseen(scene: Scene, scan: bool) -> dict[str, str]:
                     for each in scene.things("Rods") if scan}
 
 
-def mixed(observations: list) -> list[Problem]:
+def problems_of_mixed_noise(observations: list) -> list[Problem]:
     """True if noise is known of some and not of others, or unknown of positions beside forces."""
     known = {o.sigma is not None for o in observations}
     if len(known) > 1:
@@ -245,7 +246,7 @@ def mixed(observations: list) -> list[Problem]:
     return []
 
 
-def _track(o: Track, count: int) -> list[str]:
+def _track_faults(o: Track, count: int) -> list[str]:
     k, n = len(o.frames), count if o.points is None else len(o.points)
     texts = []
     if o.positions.shape != (k, n, 3):
@@ -263,7 +264,7 @@ def _track(o: Track, count: int) -> list[str]:
     return texts
 
 
-def _scan(o: Scan, count: int) -> list[str]:
+def _scan_faults(o: Scan, count: int) -> list[str]:
     if not len(o.points) or not np.isfinite(o.points).all():
         return ["a scan needs points, all finite"]
     if o.weights is not None and (o.weights.shape != (len(o.points),) or not (o.weights >= 0.0).all()):

@@ -4,7 +4,7 @@
     central   1 + 2 p copies:  J b = (r+ - r-) / 2 h,  K = (r+ - 2 r + r-) / h^2, the second derivative along b
     forward   1 + p copies:    J b = (r+ - r) / h, no K
 
-b, h: directions and steps (`Steps`), at first the axes and eps.
+b, h: directions and steps (`DifferenceSteps`), at first the axes and eps.
 
 A `Misfit` walks through time, so that who asks can stop early. `residuals` and `jacobian` are the whole walk: the seam at which
 another way to the derivatives (an adjoint) may stand.
@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from wsim.fitting.batch import Batch, events
-from wsim.fitting.least_squares.noise_floor import floor
+from wsim.fitting.batch import CopiesBatch, observations_by_time
+from wsim.fitting.least_squares.noise_floor import observation_noise_floor
 from wsim.fitting.observations import observe
 from wsim.fitting.observations.observed_usd import read
 from wsim.fitting.parameter import Parameter
@@ -41,15 +41,15 @@ class ResidualBlock:
 
 
 @dataclass
-class Steps:
+class DifferenceSteps:
     """Along which directions of theta differences are taken, and how far."""
 
     B: np.ndarray                 # orthonormal columns, (parameters, directions)
     h: np.ndarray                 # of theta, (directions,); of forward differences of either sign
 
     @staticmethod
-    def axes(count: int, eps: float) -> "Steps":
-        return Steps(np.eye(count), np.full(count, eps))
+    def axes(count: int, eps: float) -> "DifferenceSteps":
+        return DifferenceSteps(np.eye(count), np.full(count, eps))
 
 
 class Misfit:
@@ -58,19 +58,19 @@ class Misfit:
     def __init__(self, experiments: list[tuple[Scene, list]], parameters: list[Parameter], *, device=None,
                  differences: str = "central", eps: float | None = None, make: Callable | None = None):
         """eps: of theta; None: by the solver, see EPS. make(experiments, parameters, copies): what runs so many copies, a
-        `wsim.fitting.batch.Batch` or what does the same."""
+        `wsim.fitting.batch.CopiesBatch` or what does the same."""
         self.experiments, self.parameters = experiments, parameters
-        self.make: Callable = make or partial(Batch, device=device)
+        self.make: Callable = make or partial(CopiesBatch, device=device)
         self.central = differences == "central"
         self.batches: dict[int, Any] = {}
         self.walked, self.launches = 0.0, 0             # whole simulations of one copy; batches begun
         self.substeps: list[int] = []                   # substeps of a frame in each experiment, in the last walk
-        self.events = events(experiments)
+        self.events = observations_by_time(experiments)
         self.moments = [time for time, _ in self.events]
         solvers = self.of(1 + len(parameters) * (1 + self.central)).solvers
         self.eps = eps or max(EPS[name] for name in solvers)
         self.lasts = [max(int(o.frames.max()) for o in seen) for _, seen in experiments]
-        self.floor = floor(experiments)
+        self.floor = observation_noise_floor(experiments)
 
     @property
     def unit(self) -> str:
@@ -99,18 +99,18 @@ class Misfit:
         """Parameters of theta, in their units."""
         return np.array([p.map.inverse(float(t)) for p, t in zip(self.parameters, theta, strict=True)])
 
-    def worlds(self, theta: np.ndarray, steps: Steps | None) -> np.ndarray:
+    def worlds(self, theta: np.ndarray, steps: DifferenceSteps | None) -> np.ndarray:
         """theta of every copy, (worlds, parameters)."""
         if steps is None:
             return theta[None]
         along = (steps.B * steps.h).T
         return np.concatenate([theta[None], theta + along, *([theta - along] if self.central else [])])
 
-    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None,
+    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: DifferenceSteps | None = None,
              finer: int = 1) -> Iterator[ResidualBlock]:
         """Moment by moment; steps: None: along the axes; finer: factor on the substeps of the last walk, in copies made
         for it. Raises Broken where a copy is not finite any more; the walk may be left at any moment."""
-        steps = (steps or Steps.axes(len(self.parameters), self.eps)) if derivatives else None
+        steps = (steps or DifferenceSteps.axes(len(self.parameters), self.eps)) if derivatives else None
         each = self.worlds(np.asarray(theta, np.float64), steps)
         batch = self.of(len(each)) if finer == 1 else self.make(self.experiments, self.parameters, len(each))
         least = batch.begin(np.array([self.values(row) for row in each]))
@@ -126,7 +126,7 @@ class Misfit:
                 at[k] = frame
             yield self.part(moment, frame, r, steps)
 
-    def part(self, time: float, frame: int, r: np.ndarray, steps: Steps | None) -> ResidualBlock:
+    def part(self, time: float, frame: int, r: np.ndarray, steps: DifferenceSteps | None) -> ResidualBlock:
         if steps is None:
             return ResidualBlock(time, frame, r[0])
         p = len(steps.h)
@@ -157,9 +157,9 @@ def experiments_of(scene: Scene, observations, also) -> list[tuple[Scene, list]]
         except SceneError as error:
             problems += error.problems
             continue
-        problems += observe.wrong(seen, one)
+        problems += observe.problems_of_observations(seen, one)
         found.append((one, seen))
-    problems += observe.mixed([o for _, seen in found for o in seen])
+    problems += observe.problems_of_mixed_noise([o for _, seen in found for o in seen])
     if problems:
         raise SceneError(problems)
     return found

@@ -1,6 +1,6 @@
 """Points held by tetrahedra: the tet of each and its barycentric coordinates, by which it follows. NumPy only.
 
-    p = sum_i b_i x_i,   sum b = 1,   b_i = 1 + g_i . (p - x_i)        g of `wsim.geometry.tetra.tets.gradients`
+    p = sum_i b_i x_i,   sum b = 1,   b_i = 1 + g_i . (p - x_i)        g of `wsim.geometry.tetra.tets.barycentric_gradients`
 
 Affine motions of the tets carry every point exactly. A grid about as fine as the tets finds them; inside means that no
 coordinate is below 0 but for rounding. A point outside takes the tet nearest to it; some coordinate is below 0 then: it
@@ -9,22 +9,28 @@ follows by extrapolation.
 
 import numpy as np
 
-from wsim.geometry.tetra.lattice import CORNERS, spread
+from wsim.geometry.tetra.lattice import CORNERS, cells_of_integer_boxes
 from wsim.geometry.tetra.repair import FLAT
-from wsim.geometry.tetra.tets import FACES, checked, gradients, measures, surface
+from wsim.geometry.tetra.tets import (
+    FACES,
+    barycentric_gradients,
+    checked_tet_arrays,
+    tet_surface_triangles,
+    volumes_and_squared_edges,
+)
 
 ROUNDING = 1e-10       # of a tet's height, by which a point may lie outside for the search: a thousand times the rounding
 CELLS = 4              # of the grid a tet, at most: more cost memory, fewer cost time
 
 
-def embed(points, tets, places, reach: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+def embed_in_tets(points, tets, places, reach: float | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Tet of each place, (m,) int32, and its barycentric coordinates, (m, 4) float64, summing to 1 within rounding.
 
     points [m] (n, 3), tets (t, 4), places [m] (m, 3). reach [m]: how far outside of all tets a place may lie; by default
     as far as the longest edge. Places are reproduced to 1e-12 of the mesh's size unless tets are nearly flat.
     Raises ValueError for an array that is not finite, for tets that are flat or turned inside out (see
     wsim.geometry.tetra.repair), and naming the first place that lies farther outside."""
-    points, tets = checked(points, tets)
+    points, tets = checked_tet_arrays(points, tets)
     places = np.asarray(places, np.float64).reshape(-1, 3)
     for name, array in (("points", points), ("places", places)):
         if not np.isfinite(array).all():
@@ -32,7 +38,7 @@ def embed(points, tets, places, reach: float | None = None) -> tuple[np.ndarray,
     tets = tets[:, :4]
     if len(tets) == 0:
         raise ValueError("tets are none; at least one must hold the places")
-    volume, squares = measures(points, tets)
+    volume, squares = volumes_and_squared_edges(points, tets)
     edge = np.sqrt(squares.max(axis=0))
     thin = ~(volume > FLAT * edge**3)
     if thin.any():
@@ -40,10 +46,10 @@ def embed(points, tets, places, reach: float | None = None) -> tuple[np.ndarray,
     reach = float(edge.max()) if reach is None else reach
     if not reach >= 0 or not np.isfinite(reach):
         raise ValueError(f"reach is {reach}; it must be finite and >= 0 [m]")
-    search = _Search(points, tets, places)
+    search = _TetSearch(points, tets, places)
     search.look(np.arange(len(tets)), 0.0)
     lost, margin = np.flatnonzero(search.far > ROUNDING * search.width), search.width
-    outer = _outer(tets) if len(lost) else tets
+    outer = _tets_at_surface(tets) if len(lost) else tets
     while len(lost):                             # farther and farther out, each time only those that are nowhere yet
         search.look(outer, min(margin, reach), lost)
         lost = lost[(search.far[lost] > margin) & (margin < reach)]
@@ -56,19 +62,19 @@ def embed(points, tets, places, reach: float | None = None) -> tuple[np.ndarray,
     return search.tet.astype(np.int32), search.weights()
 
 
-def follow(points: np.ndarray, tets: np.ndarray, tet: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def follow_embedding(points: np.ndarray, tets: np.ndarray, tet: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Positions of embedded places, (m, 3): tets (t, 4), tet (m,), weights (m, 4)."""
     return np.einsum("mi,mik->mk", weights, np.asarray(points, np.float64)[np.asarray(tets)[tet][:, :4]])
 
 
-def _outer(tets: np.ndarray) -> np.ndarray:
+def _tets_at_surface(tets: np.ndarray) -> np.ndarray:
     """Tets that own a point of the surface."""
     skin = np.zeros(int(tets.max()) + 1, bool)
-    skin[surface(tets).ravel()] = True
+    skin[tet_surface_triangles(tets).ravel()] = True
     return np.flatnonzero(skin[tets].any(axis=1))
 
 
-def distance(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+def point_triangle_distance(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Distances from points to triangles [m], all (m, 3): to the plane above the triangle, else to the nearest side."""
     normal = np.cross(b - a, c - a)
     above, found = np.ones(len(p), bool), np.full(len(p), np.inf)
@@ -81,14 +87,14 @@ def distance(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.n
     return np.where(above, plane, found)
 
 
-class _Search:
+class _TetSearch:
     """The best tet of each place so far and how far outside of it the place is [m]; inf where none was tried."""
 
     def __init__(self, points: np.ndarray, tets: np.ndarray, places: np.ndarray):
         self.points, self.tets, self.places = points, tets, places
         corner = [points.take(tets[:, k], axis=0) for k in range(4)]
         self.low, self.high = np.minimum.reduce(corner), np.maximum.reduce(corner)
-        g = gradients(points, tets)
+        g = barycentric_gradients(points, tets)
         # rows of planes: the barycentric coordinate over the length of its gradient, a distance [m]
         self.height = 1.0 / np.sqrt(np.einsum("tik,tik->ti", g, g))
         self.normal = g * self.height[:, :, None]
@@ -125,15 +131,15 @@ class _Search:
             x, y, z = (last[:, k] + 1 if corner[k] else first[:, k] for k in range(3))
             busy += (1 if corner.sum() % 2 else -1) * before[x, y, z]
         tets, first, last = tets[busy > 0], first[busy > 0], last[busy > 0]
-        for owner, at in spread(first, last):
+        for owner, at in cells_of_integer_boxes(first, last):
             held = at @ rows
             begin, end = starts[held], starts[held + 1]
             some = np.flatnonzero(end > begin)
             if len(some):
-                for row, pair in spread(begin[some, None], end[some, None] - 1):
-                    self._try(tets[owner[some[row]]], which[pair[:, 0]], margin)
+                for row, pair in cells_of_integer_boxes(begin[some, None], end[some, None] - 1):
+                    self._try_candidate_tets(tets[owner[some[row]]], which[pair[:, 0]], margin)
 
-    def _try(self, tet: np.ndarray, place: np.ndarray, margin: float) -> None:
+    def _try_candidate_tets(self, tet: np.ndarray, place: np.ndarray, margin: float) -> None:
         p = self.places.take(place, axis=0)
         near = np.flatnonzero(((p >= self.low.take(tet, axis=0) - margin - ROUNDING * self.width)
                                & (p <= self.high.take(tet, axis=0) + margin + ROUNDING * self.width)).all(axis=1))
@@ -146,7 +152,8 @@ class _Search:
         tet, place, far = tet[better], place[better], far[better]
         if margin > 0.0:                                          # nearest of many: the true distance
             X, p = self.points[self.tets[tet]], self.places[place]
-            far = np.where(far > 0.0, np.minimum.reduce([distance(p, *(X[:, k] for k in face)) for face in FACES]), far)
+            far = np.where(far > 0.0,
+                           np.minimum.reduce([point_triangle_distance(p, *(X[:, k] for k in face)) for face in FACES]), far)
             better = np.flatnonzero(far < self.far[place])
             tet, place, far = tet[better], place[better], far[better]
         order = np.lexsort((tet, far, place))                     # the nearest first, of equals the first tet

@@ -11,34 +11,35 @@ Edelsbrunner and Muecke 1990): of the triangles at an edge or point that it hits
 
 import numpy as np
 
-from wsim.geometry.tetra.lattice import spread
-from wsim.geometry.topology import hinges
+from wsim.geometry.tetra.lattice import cells_of_integer_boxes
+from wsim.geometry.topology import hinges_of_triangles
 
 
-def agree(triangles: np.ndarray) -> bool:
+def triangles_wound_alike(triangles: np.ndarray) -> bool:
     """True if all neighbouring triangles are wound alike."""
     start = triangles.ravel().astype(np.int64)
     key = np.sort(start * (int(start.max(initial=0)) + 1) + np.roll(triangles, -1, axis=1).ravel())
-    return not (key[1:] == key[:-1]).any() or not len(hinges(triangles))
+    return not (key[1:] == key[:-1]).any() or not len(hinges_of_triangles(triangles))
 
 
-class Rays:
+class AxisRays:
     """Crossings of all axis-parallel lines through the places low to high with a surface."""
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray, low, high):
         """points (n, 3) in steps of the lattice; triangles (t, 3); places low to high (three integers each, both counted)."""
         self.low, self.high = np.asarray(low, np.int64), np.asarray(high, np.int64)
-        self.signed = agree(triangles)
+        self.signed = triangles_wound_alike(triangles)
         depth = points[triangles].reshape(-1, 3)
         self.near = np.minimum(depth.min(axis=0), self.low) - 1.0
         self.reach = 2.0 * (np.maximum(depth.max(axis=0), self.high) - self.near + 1.0)
-        self.lines = [self._lines(points, triangles, axis) for axis in range(3)]
+        self.lines = [self._crossings_of_lines(points, triangles, axis) for axis in range(3)]
 
     def _column(self, place: np.ndarray, axis: int) -> np.ndarray:
         u, v = (axis + 1) % 3, (axis + 2) % 3
         return (place[:, u] - self.low[u]) * (self.high[v] - self.low[v] + 1) + place[:, v] - self.low[v]
 
-    def _lines(self, points: np.ndarray, triangles: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _crossings_of_lines(self, points: np.ndarray, triangles: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray,
+                                                                                                 np.ndarray]:
         """Crossings of the lines along an axis, ascending: key (column + depth in 0 .. 1/2), running sum of signs with a
         leading 0, and where each column begins."""
         uv = [(axis + 1) % 3, (axis + 2) % 3]
@@ -48,8 +49,8 @@ class Rays:
         high = np.minimum(np.floor(np.maximum(np.maximum(a, b), c)), self.high[uv]).astype(np.int64)
         keys, signs = [np.zeros(0)], [np.zeros(0, np.int64)]
         width = int(self.high[uv[1]] - self.low[uv[1]] + 1)
-        for owner, cell in spread(low, high):
-            hit, sign, depth = _met(points, triangles[owner], cell.astype(np.float64), axis)
+        for owner, cell in cells_of_integer_boxes(low, high):
+            hit, sign, depth = _lines_meeting_triangles(points, triangles[owner], cell.astype(np.float64), axis)
             column = ((cell - self.low[uv]) @ (width, 1))[hit]
             keys.append(column + (depth - self.near[axis]) / self.reach[axis])
             signs.append(sign)
@@ -77,7 +78,7 @@ class Rays:
         return np.abs(self.winding(places)) > 0.5
 
 
-def _met(points: np.ndarray, corners: np.ndarray, place: np.ndarray, axis: int):
+def _lines_meeting_triangles(points: np.ndarray, corners: np.ndarray, place: np.ndarray, axis: int):
     """Which lines along the axis through places (k, 2) meet their triangles (corners (k, 3)); of those the sign of the
     normal along the axis and the depth of the crossing."""
     u, v = points[:, (axis + 1) % 3], points[:, (axis + 2) % 3]

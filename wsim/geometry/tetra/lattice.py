@@ -5,7 +5,8 @@
     bcc    corners and centres of the cubes; each tet joins two neighbouring centres to an edge between them: all equal,
            quality 0.95 (Molino, Bridson, Teran, Fedkiw 2003), 12 a cube; at the faces of the box pyramids, cut in two, 0.76
 
-Quality: mean ratio, `wsim.geometry.tetra.tets.quality`. Rounding aside every cell of a box is the same; sizes in [m].
+Quality: mean ratio, `wsim.geometry.tetra.tets.mean_ratio_quality`. Rounding aside every cell of a box is the same; sizes in
+[m].
 """
 
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ MOST = 2**31 // 16      # cells of a box: 16 points or tets for each must have a
 CORNERS = np.array([[c >> 2 & 1, c >> 1 & 1, c & 1] for c in range(8)])       # of a cube: number 4 x + 2 y + z
 
 
-def _five() -> np.ndarray:
+def _corners_of_five_tets() -> np.ndarray:
     """Corners of the five tets of an even and of an odd cube, (2, 5, 4); the first is the regular one in the middle."""
     even = np.array([[0, 3, 5, 6], [4, 0, 5, 6], [2, 0, 3, 6], [1, 0, 3, 5], [7, 3, 5, 6]])
     both = np.stack([even, 7 - even])
@@ -27,7 +28,7 @@ def _five() -> np.ndarray:
     return both
 
 
-FIVE = _five()
+FIVE = _corners_of_five_tets()
 
 
 def counts_of(cells) -> np.ndarray:
@@ -40,7 +41,7 @@ def counts_of(cells) -> np.ndarray:
     return found.astype(np.int64)
 
 
-def grid(counts) -> np.ndarray:
+def integer_grid(counts) -> np.ndarray:
     """Every integer triple below counts, z fastest, (product, 3)."""
     return np.stack(np.unravel_index(np.arange(int(np.prod(counts))), tuple(counts)), axis=1)
 
@@ -51,14 +52,14 @@ def cube_points(cells: np.ndarray, counts) -> np.ndarray:
     return (cells @ (layer, row, 1))[:, None] + CORNERS @ (layer, row, 1)
 
 
-def five(cells: np.ndarray, counts) -> np.ndarray:
+def five_tets_of_cubes(cells: np.ndarray, counts) -> np.ndarray:
     """The five tets of each of the cubes (m, 3), (m, 5, 4), as numbers of lattice points; the middle one first."""
     tets, ids, odd = np.empty((len(cells), 5, 4), np.int64), cube_points(cells, counts), cells.sum(axis=1) % 2 == 1
     tets[~odd], tets[odd] = ids[~odd][:, FIVE[0]], ids[odd][:, FIVE[1]]
     return tets
 
 
-def box(size, cells, kind: str = "five") -> tuple[np.ndarray, np.ndarray]:
+def tet_box(size, cells, kind: str = "five") -> tuple[np.ndarray, np.ndarray]:
     """A box of sides `size` (three [m]) about the origin, cut in `cells` (one number or three) along each side: points (n, 3)
     float64 and tets (t, 4) int32 of positive volume.
 
@@ -72,15 +73,15 @@ def box(size, cells, kind: str = "five") -> tuple[np.ndarray, np.ndarray]:
     if kind not in KINDS:
         raise ValueError(f"kind is {kind!r}; allowed is one of {', '.join(KINDS)}")
     counts = counts_of(cells)
-    points = (grid(counts + 1) / counts - 0.5) * size
-    every = grid(counts)
+    points = (integer_grid(counts + 1) / counts - 0.5) * size
+    every = integer_grid(counts)
     if kind == "five":
-        return points, five(every, counts).reshape(-1, 4).astype(np.int32)
+        return points, five_tets_of_cubes(every, counts).reshape(-1, 4).astype(np.int32)
     centres = ((every + 0.5) / counts - 0.5) * size
-    return np.concatenate([points, centres]), _bcc(every, counts).astype(np.int32)
+    return np.concatenate([points, centres]), _bcc_tets(every, counts).astype(np.int32)
 
 
-def _bcc(cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def _bcc_tets(cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Tets of the BCC lattice in a box, (t, 4): centres are numbered after the corners."""
     ids = cube_points(cells, counts)
     centre = int(np.prod(counts + 1)) + np.arange(len(cells))
@@ -106,7 +107,7 @@ def _bcc(cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.concatenate(tets)
 
 
-def spread(low: np.ndarray, high: np.ndarray, most: int = 1 << 19) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def cells_of_integer_boxes(low: np.ndarray, high: np.ndarray, most: int = 1 << 19) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Every cell of integer boxes low to high, both counted, (m, d): pairs (box, (k,); cell, (k, d)), in pieces of about
     `most` (a single box comes whole). Boxes with high < low have no cells."""
     sizes = np.maximum(high - low + 1, 0)

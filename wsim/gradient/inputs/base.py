@@ -4,15 +4,15 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from wsim.model.midnodes import places, spread
+from wsim.model.midnodes import places_with_midnodes, with_midnode_values
 from wsim.model.model import edge_lengths
 from wsim.scene import Problem, SceneError
-from wsim.scene.values.coverage import row_of
+from wsim.scene.values.coverage import differentiable_row
 
 PART = 0.05            # of a value, that a derivative by differences may move it
 
 
-class Input(ABC):
+class RecordingInput(ABC):
     """One named value of a recording. `scale`: by how much it may change, at most, for a difference to be a derivative.
     shared: worlds do not have their own."""
 
@@ -21,7 +21,7 @@ class Input(ABC):
     def __init__(self, recording, name: str):
         self.recording, self.sim, self.model, self.name = recording, recording.sim, recording.sim.model, name
         self.path, _, self.what = name.rpartition(":")
-        self.row = row_of(recording.sim.scene, self.path or "/", self.what)
+        self.row = differentiable_row(recording.sim.scene, self.path or "/", self.what)
 
     def shapes(self) -> list[tuple[int, ...]]:
         """Shapes that a value of one world may have."""
@@ -61,7 +61,7 @@ class Input(ABC):
         """Mask of the numbers that may be."""
         return np.asarray(self.row.range.holds(value))
 
-    def allows(self, value: np.ndarray) -> bool:
+    def allows_value(self, value: np.ndarray) -> bool:
         return bool(self.allowed(value).all())
 
     @abstractmethod
@@ -76,7 +76,7 @@ class Input(ABC):
         return PART * float(np.abs(self.read()).max())
 
 
-class Start(Input):
+class StartInput(RecordingInput):
     """positions or velocities of a body where the recording begins. What an earlier step has left of a run that was already
     under way (BDF2, leapfrog among contacts) stays as it is."""
 
@@ -95,11 +95,11 @@ class Start(Input):
         every = self.recording.initial.numpy().copy()
         for world, each in enumerate(self.each(value)):
             body = self.model.body(self.path, world)
-            where = places(body)
+            where = places_with_midnodes(body)
             if self.what == "velocities":
-                every[self.field("v")][where] = spread(each, body.ends)
+                every[self.field("v")][where] = with_midnode_values(each, body.ends)
             else:
-                exact = spread(each - body.origin, body.ends)
+                exact = with_midnode_values(each - body.origin, body.ends)
                 every[self.field("x")][where] = exact
                 every[self.field("e")][where] = exact - every[self.field("x")][where]
         self.recording.initial.assign(every)

@@ -11,10 +11,10 @@
 import numpy as np
 import warp as wp
 
-from wsim.gradient.inputs.base import PART, Input
+from wsim.gradient.inputs.base import PART, RecordingInput
 
 
-class BodyValue(Input):
+class BodyValue(RecordingInput):
     """A value of a rigid body. To write one takes the simulation back to where the recording begins."""
 
     def read(self, world: int = 0) -> np.ndarray:

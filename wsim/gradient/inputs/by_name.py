@@ -20,36 +20,36 @@ of the last of them.
 
 import numpy as np
 
-from wsim.gradient.inputs.base import PART, Input, Start
+from wsim.gradient.inputs.base import PART, RecordingInput, StartInput
 from wsim.gradient.inputs.bodies import BodyValue
-from wsim.gradient.inputs.contact import Shift, Touch
-from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
-from wsim.gradient.inputs.fluids import FluidValue, Surface
-from wsim.gradient.inputs.path import Path
-from wsim.gradient.inputs.rest import Rest
-from wsim.gradient.inputs.skeletons import Turns, Weights
+from wsim.gradient.inputs.contact import ContactInput, ShiftInput
+from wsim.gradient.inputs.controls import ActuationInput, LoadInput, TargetsInput
+from wsim.gradient.inputs.fluids import FluidValue, SurfaceInput
+from wsim.gradient.inputs.path import PathInput
+from wsim.gradient.inputs.rest import RestInput
+from wsim.gradient.inputs.skeletons import BlendWeightsInput, JointTurnsInput
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
-from wsim.scene.methods import named
-from wsim.scene.nodal.masses import density_of
-from wsim.scene.values.coverage import refuse, row_of, without
-from wsim.scene.values.table import stiffens
+from wsim.scene.methods import object_at_path
+from wsim.scene.nodal.masses import single_density
+from wsim.scene.values.coverage import differentiable_row, gradient_refusal, no_derivative_error
+from wsim.scene.values.table import limits_explicit_steps
 
 
-class Whole(Input):
+class SceneInput(RecordingInput):
     """gravity, wind or air_drag, of the whole scene."""
 
     def read(self, world: int = 0) -> np.ndarray:
         p = self.recording.parameters
         fluids = self.recording.fluids
         if self.what == "wind" and not (p.air or fluids):
-            raise refuse("wind", self.name)
+            raise gradient_refusal("wind", self.name)
         points = p.plan.ports.points
         if fluids and not p.bodies and (points is None or self.what == "wind" and not p.air) and self.what != "air_drag":
             return getattr(fluids.method, self.what)[world].copy()
         if points is None and p.bodies and self.what == "gravity":
             return p.bodies.method.gravity[world].copy()
         if points is None:
-            raise refuse("idle", self.name, name=self.what)
+            raise gradient_refusal("idle", self.name, name=self.what)
         array = points.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
         rows = array.astype(np.float64)[self.model.rows("/", world)]
         if (rows != rows[0]).any():
@@ -60,19 +60,19 @@ class Whole(Input):
         return PART * max(1.0, float(np.abs(self.read()).max()))
 
 
-class Density(Input):
+class DensityInput(RecordingInput):
     """Density of a body whose masses follow it."""
 
     def read(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
-        density = self.sim.plan.ports.densities.get(body.number) or density_of(body.source)
+        density = self.sim.plan.ports.densities.get(body.number) or single_density(body.source)
         if density is None:
-            raise refuse("density", self.path)
+            raise gradient_refusal("density", self.path)
         return np.array(density)
 
 
 
-class Mass(Input):
+class MassInput(RecordingInput):
     """Mass of a net."""
 
     def read(self, world: int = 0) -> np.ndarray:
@@ -81,7 +81,7 @@ class Mass(Input):
 
 
 
-class MaterialInput(Input):
+class MaterialInput(RecordingInput):
     """A live parameter of a material, one for the body or one for each element."""
 
     def values(self, body) -> list[np.ndarray]:
@@ -107,7 +107,7 @@ class MaterialInput(Input):
         body = self.model.body(self.path, world)
         found = self.values(body)
         if not found:
-            raise without(self.path, self.what, self.row.owner, self.names(self.recording, body))
+            raise no_derivative_error(self.path, self.what, self.row.owner, self.names(self.recording, body))
         every = self.sorted(np.concatenate(found).astype(np.float64), body)
         return np.array(every[0]) if (every == every[0]).all() else every
 
@@ -121,7 +121,7 @@ class MaterialInput(Input):
     @staticmethod
     def names(recording, body) -> list[str]:
         """Names of a body that can be written, besides where it is."""
-        more = ["density"] * (density_of(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
+        more = ["density"] * (single_density(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
         return sorted({*recording.parameters.names(body), *more})
 
     def allowed(self, value: np.ndarray) -> np.ndarray:
@@ -146,13 +146,13 @@ class MaterialInput(Input):
         return PART * float(np.abs(value).min())
 
 
-def inputs(recording, names) -> dict[str, Input]:
+def inputs_by_name(recording, names) -> dict[str, RecordingInput]:
     """Inputs by name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
-    found: dict[str, Input] = {}
+    found: dict[str, RecordingInput] = {}
     problems: list[Problem] = []
     for name in names:
         try:
-            found[name] = _input(recording, name)
+            found[name] = _input_of_name(recording, name)
             found[name].read()
         except SceneError as error:
             problems += error.problems
@@ -163,28 +163,31 @@ def inputs(recording, names) -> dict[str, Input]:
     return found
 
 
-KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
-                                 "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "surface": Surface, "path": Path, "body": BodyValue,
-                                 "fluid": FluidValue, "turns": Turns, "weights": Weights}    # by `Value.gradient`
+KINDS: dict[str, type[RecordingInput]] = {"start": StartInput, "whole": SceneInput, "density": DensityInput, "mass": MassInput,
+                                          "material": MaterialInput,
+                                          "rest": RestInput, "actuation": ActuationInput, "load": LoadInput,
+                                          "targets": TargetsInput, "contact": ContactInput,
+                                          "shift": ShiftInput, "surface": SurfaceInput, "path": PathInput, "body": BodyValue,
+                                          # by `ValueRow.gradient`
+                                          "fluid": FluidValue, "turns": JointTurnsInput, "weights": BlendWeightsInput}
 
 
-def _input(recording, name: str) -> Input:
+def _input_of_name(recording, name: str) -> RecordingInput:
     """Raises SceneError where the table of values has no such input; whether a recording has it is found when it is read."""
     path, _, what = name.rpartition(":")
     scene = recording.sim.scene
-    thing = named(scene, path or "/")
+    thing = object_at_path(scene, path or "/")
     if thing is None:
         there = [*(b.path for b in scene.bodies()), *(f"{p.path}:targets" for p in scene.pins),
                  *(f"{load.path}:{load.name}" for load in scene.loads), *(c.path for c in scene.colliders)]
         raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(there)}"))
     own = isinstance(thing, (Cloth, Springs, Soft)) and MaterialInput.names(recording, recording.sim.model.body(path))
-    return KINDS[row_of(scene, path or "/", what, own or ()).gradient](recording, name)
+    return KINDS[differentiable_row(scene, path or "/", what, own or ()).gradient](recording, name)
 
 
-def stable(recording, names) -> None:
+def require_stable_substeps(recording, names) -> None:
     """Raises SceneError where the values that were written want shorter explicit steps than were recorded."""
     least, found = recording.plan.ports.stable_substeps, recording.plan.clock.substeps
-    if least and any(stiffens(name.rpartition(":")[2]) for name in names) and (wanted := least()) > found:
+    if least and any(limits_explicit_steps(name.rpartition(":")[2]) for name in names) and (wanted := least()) > found:
         raise SceneError(Problem("substeps", f"found {found}; these values want {wanted}. Give the scene more substeps before "
                                  "it is recorded, or keep stiffness and damping below"))

@@ -7,13 +7,13 @@
 
 import numpy as np
 
-from wsim.gradient.inputs.base import PART, Input
+from wsim.gradient.inputs.base import PART, RecordingInput
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Motion
 from wsim.scene.values.table import FRICTION
 
 
-class Touch(Input):
+class ContactInput(RecordingInput):
     """Friction of a body or a collider, restitution and thickness of a collider."""
 
     def read(self, world: int = 0) -> np.ndarray:
@@ -39,7 +39,7 @@ class Touch(Input):
         return PART * max(float(self.read()), 1e-3)
 
 
-class Shifted(Motion):
+class ShiftedMotion(Motion):
     """A motion with shifts at the frames of a recording on top, linear in between and held outside."""
 
     def __init__(self, own: Motion, shift: np.ndarray, start: int, fps: float):
@@ -59,7 +59,7 @@ class Shifted(Motion):
         return np.stack([self.at(one) for one in np.atleast_1d(t)])
 
 
-class Shift(Input):
+class ShiftInput(RecordingInput):
     """The shift and turn that is added to a collider's motion."""
 
     shared = True
@@ -69,7 +69,7 @@ class Shift(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         motion, r = self.collider().motion, self.recording
-        here = isinstance(motion, Shifted) and motion.start == r.start and len(motion.shift) == r.frames + 1
+        here = isinstance(motion, ShiftedMotion) and motion.start == r.start and len(motion.shift) == r.frames + 1
         return motion.shift.copy() if here else np.zeros((r.frames + 1, 3))
 
     def write(self, value) -> None:
@@ -80,9 +80,9 @@ class Shift(Input):
 
     def put(self, value: np.ndarray, world: int) -> None:
         motion = self.collider().motion
-        own = motion.own if isinstance(motion, Shifted) else motion
+        own = motion.own if isinstance(motion, ShiftedMotion) else motion
         self.sim.plan.ports.contacts.move(
-            self.path, Shifted(own, value.copy(), self.recording.start, self.sim.scene.fps))
+            self.path, ShiftedMotion(own, value.copy(), self.recording.start, self.sim.scene.fps))
 
     def scale(self) -> float:
         return 1e-4

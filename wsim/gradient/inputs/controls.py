@@ -5,24 +5,24 @@ from math import ceil
 
 import numpy as np
 
-from wsim.gradient.inputs.base import PART, Input, Start
-from wsim.scene.values.coverage import refuse
+from wsim.gradient.inputs.base import PART, RecordingInput, StartInput
+from wsim.scene.values.coverage import gradient_refusal
 
 
-class Actuation(Input):
+class ActuationInput(RecordingInput):
     """Factors of the rest lengths of a net's muscles, at the keys of their curve."""
 
-    def muscle(self, world: int):
+    def muscle_of_world(self, world: int):
         muscles = self.recording.parameters.muscles
         if not muscles:
-            raise refuse("actuation", self.path)
+            raise gradient_refusal("actuation", self.path)
         return muscles.muscles[muscles.find(self.path, world)]
 
     def read(self, world: int = 0) -> np.ndarray:
-        return self.muscle(world).curve.values.copy()
+        return self.muscle_of_world(world).curve.values.copy()
 
 
-class Loaded(Input):
+class LoadInput(RecordingInput):
     """Force or traction of a load: (3,) where it stays, (keys, 3) of its curve over time."""
 
     def curve(self, world: int):
@@ -40,7 +40,7 @@ class Loaded(Input):
         return PART * (float(np.abs(self.read()).max()) or 1.0)
 
 
-class Given:
+class TabledTargets:
     """Places where a pin's points belong, by a table (frames, rows, points, 3) or (points, 3) [m]: in the place of a `Motion`.
     at: parts of a frame of its rows."""
 
@@ -55,7 +55,7 @@ class Given:
         return self.table[frame, np.argmin(np.abs(self.at - (t - frame)))]
 
 
-class Targets(Input):
+class TargetsInput(RecordingInput):
     """The places where a pin puts its points, or pulls them to. Where no pin of the scene moves, it stands still."""
 
     def __init__(self, recording, name: str):
@@ -79,9 +79,9 @@ class Targets(Input):
 
     def put(self, value: np.ndarray, world: int) -> None:
         (p, hard), clock = self.pin(world), self.sim.plan.clock
-        p.motion = Given(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
+        p.motion = TabledTargets(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
         self.pins.changed = True
         self.sim.graphs.forget("pins move otherwise")
 
     def scale(self) -> float:
-        return Start(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()
+        return StartInput(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()

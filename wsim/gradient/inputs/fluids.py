@@ -8,20 +8,20 @@
     /World/Fire:smoke, :temperature, :expansion   () as of `Source`
     /World/Fire:velocity, :place                  (3,) [m/s], [m]: where its motion begins, all of which is shifted
     /World/Fire:strength                          (keys,) of its curve, linear between the ends of frames
-    /World/Ball:surface                           (frames, 2, 3) [m/s], [rad/s], see `Surface`
+    /World/Ball:surface                           (frames, 2, 3) [m/s], [rad/s], see `SurfaceInput`
 """
 
 import numpy as np
 import warp as wp
 
-from wsim.gradient.inputs.base import PART, Input
+from wsim.gradient.inputs.base import PART, RecordingInput
 from wsim.physics.fluid.measure import NAMES
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 SCALARS = {"smoke": "smoke", "temperature": "heat"}
 
 
-class FluidValue(Input):
+class FluidValue(RecordingInput):
     """A value of a fluid or a source."""
 
     @property
@@ -59,7 +59,7 @@ class FluidValue(Input):
         found = np.zeros((*fluid.shape, 3))
         for a, axis in enumerate(layout.axes):
             now = self.part(k, NAMES[a]).numpy().astype(np.float64)
-            found[..., axis] = layout.centered(now, a).reshape(fluid.shape)
+            found[..., axis] = layout.component_at_centers(now, a).reshape(fluid.shape)
         return found
 
     def part(self, k: int, name: str) -> wp.array:
@@ -92,7 +92,7 @@ class FluidValue(Input):
         return PART * (float(np.abs(self.read()).max()) or 1.0)
 
 
-class Surface(Input):
+class SurfaceInput(RecordingInput):
     """An addition to the velocity and the angular velocity of an obstacle's surface in each frame, (frames, 2, 3); it is
     read as zeros, and cannot be written."""
 
@@ -100,5 +100,5 @@ class Surface(Input):
         fluids = self.recording.fluids
         moving = [d.obstacles.shapes for d in fluids.method.domains if d.obstacles and d.obstacles.moving] if fluids else []
         if not any(thing.path == self.path for shapes in moving for thing in shapes.things):
-            raise refuse("surface", self.path)
+            raise gradient_refusal("surface", self.path)
         return np.zeros((self.recording.frames, 2, 3))

@@ -13,63 +13,64 @@ those formulas alone, in float64 over 0.02 rad: right to 1e-11; eight evaluation
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.gradient.inputs.base import Input
+from wsim.gradient.inputs.base import RecordingInput
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.curve.easing import handles
+from wsim.scene.curve.easing import easing_handles
 
 STEP = 1e-4                      # [m], [m/s], [1], [rad] by which one of them changes
 TURN = 0.02                      # [rad] steps of differences of order 8, and their weights
 WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 
 
-def taken(path: Curve, what: str) -> np.ndarray | None:
+def controls_of_path(path: Curve, what: str) -> np.ndarray | None:
     """The keys, tangents or handles of a path; None where it has none."""
     if what == "keys":
         return path.values.copy()
     if what == "tangents":
         return np.stack([path.how["arrive"], path.how["leave"]]) if "leave" in path.how else None
-    each = [handles(e) for e in path.how.get("easing", [])]
+    each = [easing_handles(e) for e in path.how.get("easing", [])]
     return np.array(each) if each and None not in each else None
 
 
-def given(motion: Motion, what: str, value: np.ndarray) -> Motion:
+def motion_with_controls(motion: Motion, what: str, value: np.ndarray) -> Motion:
     """The motion with other keys, tangents or handles."""
     M = motion.values.copy()
     if what == "keys":
         M[:, :3, 3] = value
         return motion.replaced(M)
     if what == "turns":
-        return turned(motion, value)
+        return motion_with_turns(motion, value)
     four = [tuple(each) for each in value.tolist()] if what == "handles" else None
     how: dict = {"arrive": value[0], "leave": value[1]} if what == "tangents" else {"easing": four}
     return motion.replaced(M, **how)
 
 
-def turned(motion: Motion, value: np.ndarray) -> Motion:
+def motion_with_turns(motion: Motion, value: np.ndarray) -> Motion:
     """The motion with rotation vectors (keys, 3) [rad] behind the rotations of its keys."""
     M = motion.values.copy()
-    R, S = rotation.polar(M[:, :3, :3])
-    M[:, :3, :3] = R @ rotation.matrix(rotation.exponential(value)) @ S
+    R, S = rotation.polar_decomposition(M[:, :3, :3])
+    M[:, :3, :3] = R @ rotation.quaternion_to_matrix(rotation.quaternion_exponential(value)) @ S
     return motion.replaced(M)
 
 
 def by_turns(motion: Motion, times: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Gradient by rotation vectors behind the keys, (keys, 3), from those by small turns in world axes at times (n,) [s]."""
-    def orientation(each: Motion) -> np.ndarray:
-        return rotation.quaternion(rotation.polar(each.sampled(times)[:, :3, :3])[0])
-    back, found = rotation.conjugate(orientation(motion)), np.zeros((len(motion.times), 3))
+    def orientations_at_times(each: Motion) -> np.ndarray:
+        return rotation.matrix_quat(rotation.polar_decomposition(each.sampled(times)[:, :3, :3])[0])
+    back, found = rotation.quat_conjugate(orientations_at_times(motion)), np.zeros((len(motion.times), 3))
     for key, axis in np.ndindex(found.shape):
         for k, weight in enumerate(WEIGHTS, 1):
             for sign in (1.0, -1.0):
                 step = np.zeros_like(found)
                 step[key, axis] = sign * k * TURN
-                way = rotation.logarithm(rotation.multiply(orientation(turned(motion, step)), back))
+                way = rotation.quaternion_logarithm(rotation.quat_product(orientations_at_times(motion_with_turns(motion,
+                                                                                                                  step)), back))
                 found[key, axis] += sign * weight / TURN * float((turn * way).sum())
     return found
 
 
-def pulled(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def pull_back_to_controls(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Gradient from those with respect to the places and to small turns about them, (n, 3) each, at times (n,) [s]. Handles say
     how turns go on too."""
     found = motion.path.pulled(times, by)
@@ -83,7 +84,7 @@ def pulled(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: n
     return found["easing"] + motion.turns.pace.pulled(inside, (turn * rate).sum(axis=1))["easing"]
 
 
-class Path(Input):
+class PathInput(RecordingInput):
     """Keys, tangents, handles or turns of a pin or a collider."""
 
     def __init__(self, recording, name: str):
@@ -109,9 +110,9 @@ class Path(Input):
     def read(self, world: int = 0) -> np.ndarray:
         motion = self.motion(world)
         if self.what == "turns":
-            before, now = (rotation.polar(m.values[:, :3, :3])[0] for m in (self.base[world], motion))
-            return rotation.logarithm(rotation.quaternion(before.swapaxes(1, 2) @ now))
-        found = taken(motion.path, self.what)
+            before, now = (rotation.polar_decomposition(m.values[:, :3, :3])[0] for m in (self.base[world], motion))
+            return rotation.quaternion_logarithm(rotation.matrix_quat(before.swapaxes(1, 2) @ now))
+        found = controls_of_path(motion.path, self.what)
         if found is None:
             need = {"tangents": "kinds hermite and bezier have slopes", "handles": "kind eased has them, where each piece has "
                     "(x1, y1, x2, y2)"}[self.what]
@@ -128,7 +129,7 @@ class Path(Input):
         if self.shared and world:
             return
         try:
-            new = given(self.base[world] if self.what == "turns" else self.motion(world), self.what, value)
+            new = motion_with_controls(self.base[world] if self.what == "turns" else self.motion(world), self.what, value)
         except ValueError as wrong:
             raise SceneError(Problem(self.name, f"{wrong}")) from None
         if self.shared:
@@ -140,10 +141,10 @@ class Path(Input):
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         times, by, turn = self.ways(gradient, world)
-        found = pulled(self.motion(world), self.what, times.ravel(), by.reshape(-1, 3), turn.reshape(-1, 3))
+        found = pull_back_to_controls(self.motion(world), self.what, times.ravel(), by.reshape(-1, 3), turn.reshape(-1, 3))
         if self.what == "turns":
-            from wsim.physics.animation.skinning_adjoint import jacobian
-            return np.einsum("kmi,km->ki", jacobian(self.read(world)), found)
+            from wsim.physics.animation.skinning_adjoint import right_rotation_jacobian
+            return np.einsum("kmi,km->ki", right_rotation_jacobian(self.read(world)), found)
         return found
 
     def ways(self, gradient, world: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

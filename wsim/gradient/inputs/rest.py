@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from wsim.gradient.inputs.base import PART, Input
+from wsim.gradient.inputs.base import PART, RecordingInput
 from wsim.model.model import edge_lengths
-from wsim.physics.cloth.rest_shape import rest_shape
+from wsim.physics.cloth.rest_shape import current_rest_shape
 
 
-class Rest(Input):
+class RestInput(RecordingInput):
     """rest_shape of a body, or lengths of a spring net."""
 
     def read(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
         if self.what == "rest_shape":
-            return rest_shape(body)
+            return current_rest_shape(body)
         return edge_lengths(body)
 
     def scale(self) -> float:

@@ -13,20 +13,20 @@ from dataclasses import replace
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.gradient.inputs.base import Input
+from wsim.gradient.inputs.base import RecordingInput
 from wsim.scene.curve import Curve
-from wsim.scene.methods import named
-from wsim.scene.values.coverage import refuse
+from wsim.scene.methods import object_at_path
+from wsim.scene.values.coverage import gradient_refusal
 
 
-class Bones(Input):
+class SkeletonInput(RecordingInput):
     """A value of a skeleton that pins or colliders follow. Raises SceneError, by path, where nothing does."""
 
     shared = True
 
     def __init__(self, recording, name: str):
         super().__init__(recording, name)
-        self.given = named(self.sim.scene, self.path)
+        self.given = object_at_path(self.sim.scene, self.path)
         self.method = self.sim.plan.ports.bones
         self.pins = recording.parameters.pins
         self.followers = [p for group in (self.pins.groups.values() if self.pins else ()) for p in group
@@ -34,7 +34,7 @@ class Bones(Input):
         self.skins = [(c.path, c.shape.poses) for c in self.sim.scene.colliders
                       if getattr(getattr(c.shape, "poses", None), "skeleton", None) is self.given]
         if not self.followers and not self.skins:
-            raise refuse("followed", self.path)
+            raise gradient_refusal("followed", self.path)
         for path, skin in [*((p.pin.path, p.pin.follows.skin) for p in self.followers), *self.skins]:
             self.check(path, skin)
 
@@ -65,7 +65,7 @@ class Bones(Input):
         return tuple(sum(column) for column in zip(*total, strict=True))  # type: ignore[return-value]
 
     def by_pins(self, gradient, world: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        from wsim.physics.animation.skinning_adjoint import gradients
+        from wsim.physics.animation.skinning_adjoint import attachment_gradients
         for kind, group in self.pins.groups.items() if self.pins else ():
             for p in (p for p in group if p in self.followers and p.body.world == world):
                 found = gradient.targets(p.pin.path, world)
@@ -75,17 +75,17 @@ class Bones(Input):
                 own = by[:, :n].copy()
                 for k, ends in enumerate(p.ends):                         # points between take half of both
                     own[:, ends] += 0.5 * by[:, n + k, None]
-                yield gradients(p.motion.follow, times, own)
+                yield attachment_gradients(p.motion.follow, times, own)
 
     def by_colliders(self, gradient, world: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        from wsim.physics.animation.skinning_adjoint import by_points
+        from wsim.physics.animation.skinning_adjoint import skinned_point_gradients
         r, clock, fps = self.recording, self.sim.plan.clock, self.sim.scene.fps
         for path, skin in self.skins:
             now = replace(skin, skeleton=self.bones)
             for frame in range(r.frames):
                 by = gradient.touched(path).corners(path, world, frame)
                 times = (r.start + frame) / fps + clock.dt * np.arange(len(by)) / (len(by) - 1)
-                yield by_points(now, times, by)
+                yield skinned_point_gradients(now, times, by)
 
     def times(self, hard: bool) -> np.ndarray:
         """Times of the rows of targets in the recording [s], those of its frames behind each other."""
@@ -95,40 +95,41 @@ class Bones(Input):
         return np.concatenate([(r.start + f) / fps + clock.moments(hard) for f in range(r.frames)])
 
 
-class Turns(Bones):
+class JointTurnsInput(SkeletonInput):
     """Rotation vectors behind the rotations of the joints at the keys."""
 
     def check(self, path: str, skin) -> None:
         if any(shape.joint >= 0 for shape in skin.blends):
-            raise refuse("corrective", path, bones=self.path)
-        from wsim.physics.animation.skin import rigid
-        if skin.method != "classicLinear" and not rigid(skin):
-            raise refuse("scaled", path, bones=self.path)
+            raise gradient_refusal("corrective", path, bones=self.path)
+        from wsim.physics.animation.skin import joints_stay_rigid
+        if skin.method != "classicLinear" and not joints_stay_rigid(skin):
+            raise gradient_refusal("scaled", path, bones=self.path)
         if self.given.translations is None:
-            raise refuse("unanimated", self.path)
+            raise gradient_refusal("unanimated", self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
-        back = rotation.conjugate(self.given.orientations)
-        return rotation.logarithm(rotation.multiply(back, self.bones.orientations))
+        back = rotation.quat_conjugate(self.given.orientations)
+        return rotation.quaternion_logarithm(rotation.quat_product(back, self.bones.orientations))
 
     def changed(self, value: np.ndarray):
-        return replace(self.bones, rotations=rotation.multiply(self.given.orientations, rotation.exponential(value)))
+        return replace(self.bones,
+                       rotations=rotation.quat_product(self.given.orientations, rotation.quaternion_exponential(value)))
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        from wsim.physics.animation.skinning_adjoint import jacobian
+        from wsim.physics.animation.skinning_adjoint import right_rotation_jacobian
         by = self.pulled(gradient, world)[0]
-        return np.einsum("kjmi,kjm->kji", jacobian(self.read()), by).reshape(shape)
+        return np.einsum("kjmi,kjm->kji", right_rotation_jacobian(self.read()), by).reshape(shape)
 
     def scale(self) -> float:
         return 0.05
 
 
-class Weights(Bones):
+class BlendWeightsInput(SkeletonInput):
     """Weights of blend shapes at their keys."""
 
     def check(self, path: str, skin) -> None:
         if self.given.weights is None:
-            raise refuse("shapes", self.path)
+            raise gradient_refusal("shapes", self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
         return np.array(self.bones.weights.values, np.float64)

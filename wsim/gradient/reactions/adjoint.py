@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.gradient.reactions.law import Law
-from wsim.model.tape import give
+from wsim.gradient.reactions.law import ReactionLaw
+from wsim.model.tape import add_and_clear_gradient
 from wsim.scene import Problem, SceneError
-from wsim.simulation.measure.reaction import HeldPoints, Reactions
+from wsim.simulation.measure.reaction import HeldPoints, PinReactions
 
 
 @dataclass
-class Inertia:
+class PinnedPointGradients:
     """Gradients by what is not on the device for pinned points: mass [1/kg], (points,), gravity [s^2/m], (points, 3), decay
     [s], (points,). moved: (pin, world) that did; soft: of such a pin by stiffness, damping and targets, (places, 3). tables:
     of XPBD, by their address; muscles, loads: by the keys of each net and load, as
-    `wsim.gradient.tables.Parameters.take_targets`."""
+    `wsim.gradient.tables.GradientTables.take_targets`."""
 
     mass: np.ndarray
     gravity: np.ndarray
@@ -38,15 +38,15 @@ class Inertia:
     loads: list[np.ndarray] = field(default_factory=list)
 
 
-class ReactionAdjoint(Reactions):
-    """The adjoint of reaction forces of a `wsim.gradient.recording.Recording`. Raises SceneError as `Reactions` does."""
+class ReactionAdjoint(PinReactions):
+    """The adjoint of reaction forces of a `wsim.gradient.recording.Recording`. Raises SceneError as `PinReactions` does."""
 
     def __init__(self, recording):
         self.recording = recording
         super().__init__(recording.plan)
 
     def make(self) -> None:
-        self.law = Law(self.recording)
+        self.law = ReactionLaw(self.recording)
 
     def felt(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         return self.law.evaluate(self.frame, x, e, v, self.time)
@@ -62,7 +62,7 @@ class ReactionAdjoint(Reactions):
         """given: {frame: {pin: (n, 3)}, or {(pin, world): (n, 3)}} [1/N]. Raises SceneError for those that are none."""
         n = self.model.points
         self.law.zero()
-        self.inertia = Inertia(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
+        self.inertia = PinnedPointGradients(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
         self.given: dict[int, list[tuple[HeldPoints, np.ndarray]]] = {}
         for frame, pins in given.items():
             if not 0 <= frame <= self.recording.frames:
@@ -102,9 +102,9 @@ class ReactionAdjoint(Reactions):
         of_x, of_v = self.law.transposed(p)
         for base, by in ((self.plan.state.x, by_x + of_x), (self.plan.state.v, by_v + of_v)):
             root = next(root for root in self.recording.roots if root.base.ptr == base.ptr)
-            give(wp.array(by.astype(self.model.dtype), dtype=base.dtype, device=base.device), root.carried)
+            add_and_clear_gradient(wp.array(by.astype(self.model.dtype), dtype=base.dtype, device=base.device), root.carried)
 
-    def end(self) -> Inertia:
+    def end(self) -> PinnedPointGradients:
         """The part that comes after the last frame."""
         self.inertia.tables, self.inertia.muscles = self.law.by_batches(), self.law.by_keys()
         return self.inertia

@@ -10,28 +10,28 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.gradient.reactions.xpbd import Beside
+from wsim.gradient.reactions.xpbd import ForcesBesideTape
 from wsim.model import kernel_cache
-from wsim.model.tape import adjoint_of, give, without
+from wsim.model.tape import add_and_clear_gradient, adjoint_of, without_gradient
 from wsim.physics.motion.forces_adjoint import Forces
 
 
-class Law:
+class ReactionLaw:
     """The law of elastic forces of a `wsim.gradient.recording.Recording`."""
 
     def __init__(self, recording):
         plan, pull = recording.plan, recording.parameters.pull
-        self.beside = None if pull else Beside(plan)
+        self.beside = None if pull else ForcesBesideTape(plan)
         self.pull = self.beside.pull if self.beside else pull
         model = self.model = self.pull.model
         module = model.module if self.beside else f"{model.module}_reactions"
         self.forces = Forces(model, self.pull, module)
         self.p = wp.zeros_like(self.forces.f)
         muscles: Any = plan.ports.muscles
-        self.muscles = Contracted(muscles, self.pull) if muscles and self.pull.springs else None
-        self.blown = Blown(plan) if plan.ports.wind else None
-        self.flowed = [Flowed(recording, t.plastic) for t in self.pull.tables if t.plastic]
-        kernel_cache.load(module, model.device, model.block if model.device.is_cuda else None)
+        self.muscles = ContractedSprings(muscles, self.pull) if muscles and self.pull.springs else None
+        self.blown = AirOnTriangles(plan) if plan.ports.wind else None
+        self.flowed = [FlowedShapes(recording, t.plastic) for t in self.pull.tables if t.plastic]
+        kernel_cache.load_kernel_module(module, model.device, model.block if model.device.is_cuda else None)
 
     def zero(self) -> None:
         """Gradients that are its own."""
@@ -93,7 +93,7 @@ class Law:
         return self.muscles.by if self.muscles else []
 
 
-class Contracted:
+class ContractedSprings:
     """Springs of a `wsim.physics.motion.forces.ForceGather` as muscles have them at one time."""
 
     def __init__(self, muscles, pull):
@@ -107,7 +107,7 @@ class Contracted:
 
     def put(self, time: float) -> None:
         self.time = time
-        self.factor.assign(self.muscles.factors(time)[None].astype(self.muscles.model.dtype))
+        self.factor.assign(self.muscles.muscle_factors(time)[None].astype(self.muscles.model.dtype))
         self.muscles.shorten(self.site, self.factor, 0)
 
     def take(self) -> None:
@@ -116,49 +116,49 @@ class Contracted:
         self.by = [a + b for a, b in zip(self.by, self.muscles.keyed(self.factor, [self.time]), strict=True)]
 
 
-class Flowed:
+class FlowedShapes:
     """Rest shapes of plastic tets of a table, after a frame."""
 
     def __init__(self, recording, plastic):
-        """plastic: a `wsim.physics.soft.plastic.Plastic`."""
+        """plastic: a `wsim.physics.soft.plastic.PlasticFlow`."""
         self.recording, self.plastic = recording, plastic
         self.F = wp.zeros_like(plastic.F, requires_grad=True)
 
     def put(self, frame: int) -> None:
         number = next(k for k, (array, _) in enumerate(self.recording.flowed) if array.ptr == self.plastic.F.ptr)
-        wp.copy(without(self.F), self.recording.shapes[number][frame])
-        self.plastic.become(self.F)
+        wp.copy(without_gradient(self.F), self.recording.shapes[number][frame])
+        self.plastic.shape_from_flow(self.F)
 
     def take(self) -> None:
         """Passes from the derivatives by edges at rest to those by shapes, which the frame before hands on."""
         self.plastic.adjoint.shape(self.F)
-        give(self.F.grad, next(r.carried for r in self.recording.roots if r.base.ptr == self.plastic.F.ptr))
+        add_and_clear_gradient(self.F.grad, next(r.carried for r in self.recording.roots if r.base.ptr == self.plastic.F.ptr))
 
 
-class Blown:
+class AirOnTriangles:
     """Forces of the air on triangles, in arrays of their own."""
 
     def __init__(self, plan):
         self.model, self.air = plan.model, plan.ports.wind
         vec3, device = plan.state.x.dtype, self.model.device
 
-        def over(count: int, dtype) -> wp.array:
+        def zeros_with_gradient(count: int, dtype) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=device, requires_grad=True)
-        self.x, self.v, self.still = (over(self.model.points, vec3) for _ in range(3))
-        self.force, self.k = over(self.air.k.size, vec3), over(self.air.k.size, self.model.real)
+        self.x, self.v, self.still = (zeros_with_gradient(self.model.points, vec3) for _ in range(3))
+        self.force, self.k = zeros_with_gradient(self.air.k.size, vec3), zeros_with_gradient(self.air.k.size, self.model.real)
         self.read = [self.air.triangle, self.air.ended, self.x, self.still, self.v, 1.0]
         self.corners = self.air.triangle.numpy()
 
     def evaluate(self, x: wp.array, v: wp.array) -> np.ndarray:
         """[N], (points, 3)."""
-        wp.copy(without(self.x), x)
-        wp.copy(without(self.v), v)
+        wp.copy(without_gradient(self.x), x)
+        wp.copy(without_gradient(self.v), v)
         self.model.launch(self.air.press, self.k.size, self.read, [self.force, self.k])
         each = np.repeat(self.force.numpy().astype(np.float64), 3, axis=0)
         return np.stack([np.bincount(self.corners.ravel(), each[:, k], self.model.points) for k in range(3)], axis=1)
 
     def transposed(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Transposed derivative as of `Law`; by the air into the gradients of its table."""
+        """Transposed derivative as of `ReactionLaw`; by the air into the gradients of its table."""
         for array in (self.x, self.v, self.still, self.k):
             array.grad.zero_()
         self.force.grad.assign(p[self.corners].sum(axis=1).astype(self.model.dtype))

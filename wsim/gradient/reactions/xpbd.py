@@ -10,23 +10,23 @@ import copy
 import numpy as np
 import warp as wp
 
-from wsim.gradient.tables import ends
+from wsim.gradient.tables import sum_over_spring_ends
 from wsim.kernels.math.real import ADJOINT
-from wsim.physics.cloth.elements import Elements
+from wsim.physics.cloth.elements import CornerElements
 from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion.forces import ForceGather
-from wsim.simulation.measure.reaction import soft
-from wsim.simulation.plan import Plan
+from wsim.simulation.measure.reaction import constraints_with_force
+from wsim.simulation.plan import SimulationPlan
 
 
-class Beside:
+class ForcesBesideTape:
     """Gradients beside the tape, of a plan that sweeps."""
 
-    def __init__(self, plan: Plan):
+    def __init__(self, plan: SimulationPlan):
         own = copy.copy(plan.model)
         own.module, own.modules, own.tables, own.tape = f"{own.module}_reactions{ADJOINT}", {}, {}, None
-        self.pull = ForceGather(own, plan.ports.constants, soft(plan.model), None, shared=False)
-        self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
+        self.pull = ForceGather(own, plan.ports.constants, constraints_with_force(plan.model), None, shared=False)
+        self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, CornerElements)}
         self.batches = [b for b in plan.ports.xpbd_batches if not b.hard]
 
     def arrays(self) -> list[wp.array]:
@@ -57,8 +57,10 @@ class Beside:
     def springs(self, batch) -> tuple[np.ndarray, ...]:
         """Gradients with respect to alpha, rest and tau, in the order of the rows."""
         (alpha, tau), net = batch.values(), self.pull.net
-        by_k, by_rest = (ends(self.pull, a.grad.numpy().astype(np.float64)) for a in (net.k, self.pull.lengths or net.rest))
-        by_c = ends(self.pull, net.damping.grad.numpy().astype(np.float64)) if self.pull.damped else np.zeros(len(alpha))
+        by_k, by_rest = (sum_over_spring_ends(self.pull, a.grad.numpy().astype(np.float64))
+                         for a in (net.k, self.pull.lengths or net.rest))
+        by_c = sum_over_spring_ends(self.pull,
+                                    net.damping.grad.numpy().astype(np.float64)) if self.pull.damped else np.zeros(len(alpha))
         return -(by_k + tau * by_c) / alpha**2, by_rest, by_c / alpha
 
     def flat(self, batch) -> tuple[np.ndarray, ...]:
@@ -66,10 +68,10 @@ class Beside:
         data = self.elements[batch.kind].data
         by, rest, tau = (a.grad.numpy().astype(np.float64) for a in (data.stiffness, data.rest, data.tau))
         alpha, _ = batch.values()
-        return -by / alpha**2 if by.ndim == 1 else by_compliance(alpha, by), rest, tau
+        return -by / alpha**2 if by.ndim == 1 else gradient_by_compliance(alpha, by), rest, tau
 
 
-def by_compliance(alpha: np.ndarray, by: np.ndarray) -> np.ndarray:
+def gradient_by_compliance(alpha: np.ndarray, by: np.ndarray) -> np.ndarray:
     """Gradient with respect to A from that by S = A^-1, each (uu, uv, shear, vv), (m, 4)."""
     uu, uv, shear, vv = alpha.T
     S = np.linalg.inv(np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2))

@@ -24,28 +24,28 @@ def function(recording: Recording, names, frames=None):
     rollout = Rollout(recording, names, frames)
     real = jnp.zeros(0).dtype
 
-    def motion(*given) -> tuple[np.ndarray, np.ndarray]:
+    def motion_on_host(*given) -> tuple[np.ndarray, np.ndarray]:
         y = rollout.run({name: np.asarray(value) for name, value in zip(rollout.inputs, given, strict=True)})
         return tuple(np.moveaxis(y, -4, 0).astype(real))                     # type: ignore[return-value]
 
-    def products(given, seeds) -> tuple[np.ndarray, ...]:
-        motion(*given)
+    def vjp_on_host(given, seeds) -> tuple[np.ndarray, ...]:
+        motion_on_host(*given)
         shapes = {name: np.shape(value) for name, value in zip(rollout.inputs, given, strict=True)}
         found = rollout.vjp(np.stack([np.asarray(s, np.float64) for s in seeds], axis=-4), shapes)
         return tuple(np.asarray(g, value.dtype) for g, value in zip(found.values(), given, strict=True))
 
     @jax.custom_vjp
-    def f(*given):
+    def rollout_function(*given):
         shape = (*rollout.shape[:-4], *rollout.shape[-3:])
-        return jax.pure_callback(motion, (jax.ShapeDtypeStruct(shape, real),) * 2, *given, vmap_method="sequential")
+        return jax.pure_callback(motion_on_host, (jax.ShapeDtypeStruct(shape, real),) * 2, *given, vmap_method="sequential")
 
-    def forward(*given):
+    def rollout_forward_pass(*given):
         given = tuple(jnp.asarray(value) for value in given)
-        return f(*given), given
+        return rollout_function(*given), given
 
-    def backward(given, seeds):
-        return jax.pure_callback(products, tuple(jax.ShapeDtypeStruct(g.shape, g.dtype) for g in given), given, seeds,
+    def rollout_backward_pass(given, seeds):
+        return jax.pure_callback(vjp_on_host, tuple(jax.ShapeDtypeStruct(g.shape, g.dtype) for g in given), given, seeds,
                                  vmap_method="sequential")
 
-    f.defvjp(forward, backward)
-    return f
+    rollout_function.defvjp(rollout_forward_pass, rollout_backward_pass)
+    return rollout_function

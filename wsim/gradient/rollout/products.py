@@ -7,11 +7,11 @@
     hvp              H d, H = d2L/dp2     differences of exact gradients
 
 Differences are extrapolated (`wsim.gradient.rollout.richardson`), of order 12 and 6; where a value stands at the end of what it
-may be, such as a friction of 0, they are from the other side alone, of order 11 and 5, and `Product.said` says so.
-`Product.error` is an estimate, and no bound. Of `jvp` it was 0.6 to 3 times the true error, which was 3e-9 to 1e-14 (chains,
-sheets, soft bodies; leapfrog, XPBD, Newton's method; two frames, each input alone); of `hvp`, 1e-6 to 1e-13, it was up to 500
-times too large. Both presume that the scheme is smooth within the step; where it is not, the estimate is large. Worlds share
-their colliders: copies that differ in where one is run one after the other.
+may be, such as a friction of 0, they are from the other side alone, of order 11 and 5, and `DerivativeProduct.said` says so.
+`DerivativeProduct.error` is an estimate, and no bound. Of `jvp` it was 0.6 to 3 times the true error, which was 3e-9 to 1e-14
+(chains, sheets, soft bodies; leapfrog, XPBD, Newton's method; two frames, each input alone); of `hvp`, 1e-6 to 1e-13, it was up
+to 500 times too large. Both presume that the scheme is smooth within the step; where it is not, the estimate is large. Worlds
+share their colliders: copies that differ in where one is run one after the other.
 """
 
 from collections.abc import Callable
@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from wsim.gradient.inputs.by_name import Input, inputs, stable
+from wsim.gradient.inputs.by_name import RecordingInput, inputs_by_name, require_stable_substeps
 from wsim.gradient.recording import Recording
-from wsim.gradient.rollout.richardson import derivative, offsets, order
+from wsim.gradient.rollout.richardson import richardson_derivative, richardson_offsets, richardson_order
 from wsim.scene import Problem, SceneError
 from wsim.simulation.simulation import Simulation
 
@@ -33,7 +33,7 @@ NEAR = 1.0 / 16.0           # with steps smaller by this: gradients are right to
 
 
 @dataclass
-class Product:
+class DerivativeProduct:
     """A product and its error, relative in the 2-norm: of `jvp` an array and (2,) for positions and velocities, else both by
     name of the input. order: of the differences; said: of what side they are, and why."""
 
@@ -54,7 +54,7 @@ class Rollout:
 
     def __init__(self, recording: Recording, names, frames=None):
         self.recording, self.sim = recording, recording.sim
-        self.inputs: dict[str, Input] = inputs(recording, list(names))
+        self.inputs: dict[str, RecordingInput] = inputs_by_name(recording, list(names))
         self.frames = list(range(1, recording.frames + 1)) if frames is None else [int(f) for f in frames]
         if not self.frames or min(self.frames) < 0 or max(self.frames) > recording.frames \
                 or len(set(self.frames)) < len(self.frames):
@@ -89,7 +89,7 @@ class Rollout:
             raise SceneError(Problem("inputs", f"found {', '.join(sorted(wrong))}; there are {', '.join(self.inputs)}"))
         for name, value in values.items():
             self.inputs[name].write(value)
-        stable(self.recording, values)
+        require_stable_substeps(self.recording, values)
 
     def run(self, values: dict | None = None) -> np.ndarray:
         """y of these values, of those not given as they are."""
@@ -128,41 +128,42 @@ class Rollout:
             found[name] = np.asarray(np.sum(each, axis=0)) if own else np.stack(each)
         return found
 
-    def jvp(self, direction: dict, step: float | None = None) -> Product:
+    def jvp(self, direction: dict, step: float | None = None) -> DerivativeProduct:
         """J d at the present values, (2, frames, points, 3), with d by name, and (2,) errors. step: the largest multiple of d
-        that is taken; None: one that moves no input by more than a part of it (`Input.scale`)."""
+        that is taken; None: one that moves no input by more than a part of it (`RecordingInput.scale`)."""
         d, step = self.direction(direction, step)
         side, said = self.side(d, step)
-        base, at = self.values(), step * offsets(SIZES, side)
-        y = self.varied({name: base[name] + np.multiply.outer(at, each) for name, each in d.items()}, len(at))
-        found = [derivative(y[:, kind], step, side) for kind in (0, 1)]
-        return Product(np.stack([value for value, _ in found]), np.array([error for _, error in found]), order(SIZES, side),
-                       said)
+        base, at = self.values(), step * richardson_offsets(SIZES, side)
+        y = self.run_varied_copies({name: base[name] + np.multiply.outer(at, each) for name, each in d.items()}, len(at))
+        found = [richardson_derivative(y[:, kind], step, side) for kind in (0, 1)]
+        return DerivativeProduct(np.stack([value for value, _ in found]), np.array([error for _, error in found]),
+                                 richardson_order(SIZES, side), said)
 
-    def varied(self, rows: Values, count: int) -> np.ndarray:
+    def run_varied_copies(self, rows: Values, count: int) -> np.ndarray:
         """Motions of so many copies in float64, (count, *shape). rows: values of some inputs, (count, ...) by name; the others
         are as they are. In one batch of worlds; where these share what varies, one after the other."""
         base, alone = self.values(), any(self.inputs[name].shared for name in rows)
         copies = self.copies(1 if alone else count)
 
-        def run(varied: Values) -> np.ndarray:
+        def run_copies_with_values(varied: Values) -> np.ndarray:
             for name, value in {**base, **varied}.items():
                 copies.inputs[name].write(value)
             return copies.run()
-        return np.stack([run({name: value[k] for name, value in rows.items()}) for k in range(count)]) if alone else run(rows)
+        return np.stack([run_copies_with_values({name: value[k] for name, value in rows.items()})
+                         for k in range(count)]) if alone else run_copies_with_values(rows)
 
-    def gauss_newton(self, direction: dict, weights=1.0, step: float | None = None) -> Product:
+    def gauss_newton(self, direction: dict, weights=1.0, step: float | None = None) -> DerivativeProduct:
         """J^T W J d at the present values; weights: the diagonal of W, of any shape that broadcasts to that of a motion. The
         error is that of J d, the larger of its two: J^T W is exact."""
         inner = self.jvp(direction, step)
         self.recording.run()
         W = np.broadcast_to(weights, self.shape)
         value = self.vjp(W * inner.value, {name: np.shape(each) for name, each in direction.items()})
-        return Product(value, dict.fromkeys(value, float(np.max(inner.error))), inner.order, inner.said)
+        return DerivativeProduct(value, dict.fromkeys(value, float(np.max(inner.error))), inner.order, inner.said)
 
     # second derivatives
 
-    def hvp(self, direction: dict, slope: Callable[[np.ndarray], np.ndarray], step: float | None = None) -> Product:
+    def hvp(self, direction: dict, slope: Callable[[np.ndarray], np.ndarray], step: float | None = None) -> DerivativeProduct:
         """H d by name, of the loss L(f(p)) at the present values; slope(y): dL/dy, such as `lambda y: y - wanted`. Six runs
         forward and backward one after the other; the inputs are left as they were. step: as `jvp`. Needs float64."""
         if self.sim.precision != "float64":
@@ -173,7 +174,7 @@ class Rollout:
         base, shapes = self.values(), {name: each.shape for name, each in d.items()}
         rows: list[Values] = []
         try:
-            for s in step * offsets(FEW, side):
+            for s in step * richardson_offsets(FEW, side):
                 for name, each in d.items():
                     self.inputs[name].write(base[name] + s * each)
                 self.recording.run()
@@ -181,9 +182,9 @@ class Rollout:
         finally:
             for name in d:
                 self.inputs[name].write(base[name])
-        found = {name: derivative(np.stack([g[name] for g in rows]), step, side) for name in self.inputs}
-        return Product({name: value for name, (value, _) in found.items()}, {name: error for name, (_, error) in found.items()},
-                       order(FEW, side), said)
+        found = {name: richardson_derivative(np.stack([g[name] for g in rows]), step, side) for name in self.inputs}
+        return DerivativeProduct({name: value for name, (value, _) in found.items()},
+                                 {name: error for name, (_, error) in found.items()}, richardson_order(FEW, side), said)
 
     # directions and copies
 
@@ -201,7 +202,7 @@ class Rollout:
         return d, step or part * min(self.scale(name) / size for name, size in most.items() if size)
 
     def scale(self, name: str) -> float:
-        """`Input.scale`. Raises SceneError where it is none."""
+        """`RecordingInput.scale`. Raises SceneError where it is none."""
         found = self.inputs[name].scale()
         if not found > 0.0:
             raise SceneError(Problem(name, "is 0 in some of its values, so that a part of it is no step; give the step of a "
@@ -209,10 +210,10 @@ class Rollout:
         return found
 
     def side(self, d: Values, step: float) -> tuple[int, str]:
-        """Side from which differences can be (`wsim.gradient.rollout.richardson.offsets`), and that in words. Raises SceneError
-        where there is none."""
+        """Side from which differences can be (`wsim.gradient.rollout.richardson.richardson_offsets`), and that in words. Raises
+        SceneError where there is none."""
         base = self.values()
-        ahead, behind = ([name for name, each in d.items() if not self.inputs[name].allows(base[name] + s * step * each)]
+        ahead, behind = ([name for name, each in d.items() if not self.inputs[name].allows_value(base[name] + s * step * each)]
                          for s in (1.0, -1.0))
         if not (ahead or behind):
             return 0, "from both sides"
@@ -221,26 +222,27 @@ class Rollout:
         if ahead and behind:
             size = step * float(np.abs(d[name]).max())
             other = "" if set(ahead) & set(behind) else ", or take the product with each input by itself"
-            raise SceneError(Problem(name, f"is {span(base[name])}, and a step of {size:.3g} along the direction leaves "
+            raise SceneError(Problem(name,
+                                     f"is {range_in_words(base[name])}, and a step of {size:.3g} along the direction leaves "
                                      f"{low:g} to {high:g}, which is allowed, or takes {(behind or ahead)[0]} out of what is; "
                                      f"give a smaller step{other}"))
-        return -1 if ahead else 1, f"from one side: {name} is {span(base[name])}, and allowed is {low:g} to {high:g}"
+        return -1 if ahead else 1, f"from one side: {name} is {range_in_words(base[name])}, and allowed is {low:g} to {high:g}"
 
     def copies(self, worlds: int = 2 * SIZES) -> "Rollout":
         """Simulation of as many worlds of the same start, scheme and live parameters, in float64."""
         if worlds not in self.copied:
-            self.copied[worlds] = Rollout(copied(self.recording, worlds), list(self.inputs), self.frames)
-        resume(self.recording, self.copied[worlds].recording)
+            self.copied[worlds] = Rollout(float64_copy_of_recording(self.recording, worlds), list(self.inputs), self.frames)
+        resume_copies(self.recording, self.copied[worlds].recording)
         return self.copied[worlds]
 
 
-def span(values: np.ndarray) -> str:
+def range_in_words(values: np.ndarray) -> str:
     """Values in words."""
     low, high = float(np.min(values)), float(np.max(values))
     return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
-def copied(recording: Recording, worlds: int) -> Recording:
+def float64_copy_of_recording(recording: Recording, worlds: int) -> Recording:
     """A recording of so many worlds of the same scene by the same scheme, in float64."""
     sim, clock, choice = recording.sim, recording.plan.clock, recording.plan.choice
     scene = replace(sim.scene, solver=choice.solver, integrator=choice.integrator.name,
@@ -248,11 +250,11 @@ def copied(recording: Recording, worlds: int) -> Recording:
     copy = Simulation(scene, device=sim.device, precision="float64", worlds=worlds, gradients=True)
     other = copy.plan.clock
     copy.frame, other.integrator, other.starting = recording.start, clock.integrator, recording.begins
-    _parameters(sim, copy)
+    _copy_live_parameters(sim, copy)
     return Recording(copy, recording.frames)
 
 
-def resume(recording: Recording, copy: Recording) -> None:
+def resume_copies(recording: Recording, copy: Recording) -> None:
     """Gives every world of a copy the start and the live parameters of a recording."""
     one, worlds = recording.initial.numpy().astype(np.float64), copy.sim.worlds
     fields = one.reshape(-1, 1, recording.sim.model.points, 3)
@@ -263,10 +265,10 @@ def resume(recording: Recording, copy: Recording) -> None:
         for b in (b for b in copy.sim.model.bodies if (b.path, b.world) in other.rows):
             values[other.rows[b.path, b.world]] = given[own.rows[b.path, 0]]
         into.assign(values)
-    _parameters(recording.sim, copy.sim)
+    _copy_live_parameters(recording.sim, copy.sim)
 
 
-def _parameters(sim: Simulation, copy: Simulation) -> None:
+def _copy_live_parameters(sim: Simulation, copy: Simulation) -> None:
     for path, name, value, world in sim.changes:
         if world in (None, 0) and name not in ("motion", "positions", "velocities"):
             for method in copy.plan.methods:

@@ -11,27 +11,28 @@ agree best; how far they are apart, over the size, is the error: an estimate, an
 import numpy as np
 
 
-def offsets(sizes: int, side: int) -> np.ndarray:
+def richardson_offsets(sizes: int, side: int) -> np.ndarray:
     """Multiples of h at which values are wanted, twice as many as sizes. side: 0: both, 1: only above, -1: only below."""
     if side:
         return side * np.append(0.5 ** np.arange(2 * sizes - 1), 0.0)
     return np.array([s * 0.5**k for k in range(sizes) for s in (1.0, -1.0)])
 
 
-def order(sizes: int, side: int) -> int:
+def richardson_order(sizes: int, side: int) -> int:
     """Up to which the differences go."""
     return 2 * sizes - 1 if side else 2 * sizes
 
 
-def derivative(values: np.ndarray, h: float, side: int) -> tuple[np.ndarray, float]:
-    """Derivative, and its relative error in the 2-norm, from values (2 sizes, ...) at h times `offsets`."""
+def richardson_derivative(values: np.ndarray, h: float, side: int) -> tuple[np.ndarray, float]:
+    """Derivative, and its relative error in the 2-norm, from values (2 sizes, ...) at h times `richardson_offsets`."""
     if side:
-        steps = h * offsets(len(values) // 2, side)[:-1]
-        return extrapolated([(v - values[-1]) / s for v, s in zip(values[:-1], steps, strict=True)], 2.0)
-    return extrapolated([(values[2 * k] - values[2 * k + 1]) / (2.0 * h * 0.5**k) for k in range(len(values) // 2)], 4.0)
+        steps = h * richardson_offsets(len(values) // 2, side)[:-1]
+        return richardson_extrapolation([(v - values[-1]) / s for v, s in zip(values[:-1], steps, strict=True)], 2.0)
+    return richardson_extrapolation([(values[2 * k] - values[2 * k + 1]) / (2.0 * h * 0.5**k) for k in range(len(values) // 2)],
+                                    4.0)
 
 
-def extrapolated(first: list, ratio: float) -> tuple[np.ndarray, float]:
+def richardson_extrapolation(first: list, ratio: float) -> tuple[np.ndarray, float]:
     """Extrapolated value from D_k0, whose errors fall by the ratio, its square, ... from step to step."""
     table: list[np.ndarray] = []
     best, least = first[0], np.inf

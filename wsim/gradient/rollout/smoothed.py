@@ -20,14 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.gradient.rollout.products import Rollout, span
+from wsim.gradient.rollout.products import Rollout, range_in_words
 from wsim.scene import Problem, SceneError
 
 CERTAIN = 3.0          # standard errors
 
 
 @dataclass
-class Trust:
+class GradientTrust:
     """One input, along its gradient (a single number: along itself)."""
 
     name: str
@@ -44,11 +44,11 @@ class Trust:
 
 
 def trust(rollout: Rollout, loss: Callable, slope: Callable, *, spreads: dict[str, float] | None = None, samples: int = 64,
-          within: float = 0.1, seed: int = 0) -> list[Trust]:
+          within: float = 0.1, seed: int = 0) -> list[GradientTrust]:
     """One verdict for each input of a rollout, at its present values.
 
     loss(y), slope(y)   a number, and its derivatives by a motion y as `Rollout.run` gives it, of the same shape
-    spreads    sigma by input, in its unit: what a search may change it by; else a part of it (`Input.scale`)
+    spreads    sigma by input, in its unit: what a search may change it by; else a part of it (`RecordingInput.scale`)
     samples    pairs of runs for each input, in one batch of 2 x samples worlds in float64; by where a collider is, which worlds
                share, one after the other
     within     part of the larger of both slopes by which they may differ
@@ -70,29 +70,30 @@ def trust(rollout: Rollout, loss: Callable, slope: Callable, *, spreads: dict[st
     draws = np.random.default_rng(seed).normal(size=samples)
     found = []
     for name, by in gradient.items():
-        d, exact = _direction(np.asarray(by))
+        d, exact = _direction_of_gradient(np.asarray(by))
         sigma = spreads[name] if name in spreads else rollout.scale(name)
         rows = base[name] + sigma * np.multiply.outer(np.concatenate([draws, -draws]), d)
-        _allowed(rollout, name, base[name], rows, sigma)
-        losses = np.array([loss(each) for each in rollout.varied({name: rows}, 2 * samples)])
-        found.append(_judged(name, exact, losses[:samples] - losses[samples:], draws, sigma, within))
+        _require_allowed_copies(rollout, name, base[name], rows, sigma)
+        losses = np.array([loss(each) for each in rollout.run_varied_copies({name: rows}, 2 * samples)])
+        found.append(_judge_slopes(name, exact, losses[:samples] - losses[samples:], draws, sigma, within))
     rollout.copied.pop(2 * samples, None)                # so many worlds take room
     return found
 
 
-def _allowed(rollout: Rollout, name: str, base: np.ndarray, rows: np.ndarray, sigma: float) -> None:
+def _require_allowed_copies(rollout: Rollout, name: str, base: np.ndarray, rows: np.ndarray, sigma: float) -> None:
     """Raises SceneError where copies would have values that may not be."""
-    if rollout.inputs[name].allows(rows):
+    if rollout.inputs[name].allows_value(rows):
         return
     low, high = rollout.inputs[name].bounds()
     room, taken = min(float((base - low).min()), float((high - base).min())), float(np.abs(rows - base).max())
     mend = f"give spreads={{{name!r}: {0.99 * sigma * room / taken:.2g}}} or less" if room > 0.0 else \
         "a smoothed loss needs both sides of it: set it off that end, or leave it out of the rollout"
-    raise SceneError(Problem(name, f"is {span(base)}, and copies with a spread of {sigma:.3g} have {span(rows)}; allowed are "
+    raise SceneError(Problem(name, f"is {range_in_words(base)}, and copies with a spread of {sigma:.3g} have "
+                                   f"{range_in_words(rows)}; allowed are "
                              f"{low:g} to {high:g}; {mend}"))
 
 
-def _direction(g: np.ndarray) -> tuple[np.ndarray, float]:
+def _direction_of_gradient(g: np.ndarray) -> tuple[np.ndarray, float]:
     """The direction of a gradient, and the slope along it; of a number the direction is 1; where there is none, some."""
     if not g.ndim:
         return np.ones(()), float(g)
@@ -100,7 +101,7 @@ def _direction(g: np.ndarray) -> tuple[np.ndarray, float]:
     return (g / size, size) if size else (np.ones(g.shape) / g.size**0.5, 0.0)
 
 
-def _judged(name: str, exact: float, change: np.ndarray, draws: np.ndarray, sigma: float, within: float) -> Trust:
+def _judge_slopes(name: str, exact: float, change: np.ndarray, draws: np.ndarray, sigma: float, within: float) -> GradientTrust:
     """change: L+ - L- of each pair."""
     off = draws * (0.5 * change - sigma * draws * exact) / sigma
     e, error = float(off.mean()), float(off.std(ddof=1) / len(off)**0.5)
@@ -110,4 +111,4 @@ def _judged(name: str, exact: float, change: np.ndarray, draws: np.ndarray, sigm
         verdict = "agree"
     elif abs(e) > allowed and abs(e) > CERTAIN * error:
         verdict = "differ"
-    return Trust(name, exact, exact + e, error, sigma, verdict)
+    return GradientTrust(name, exact, exact + e, error, sigma, verdict)

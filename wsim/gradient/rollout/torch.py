@@ -53,7 +53,7 @@ class Layer(torch.nn.Module):
         names = list(self.rollout.inputs)
         if len(given) != len(names):
             raise SceneError(Problem("inputs", f"found {len(given)} tensors; allowed are {len(names)}: {', '.join(names)}"))
-        return _Run.apply(self, *given)
+        return _RolloutFunction.apply(self, *given)
 
     def run(self, given: tuple[torch.Tensor, ...]) -> tuple[torch.Tensor, torch.Tensor]:
         self.rollout.write({name: t.detach().cpu().numpy() for name, t in zip(self.rollout.inputs, given, strict=True)})
@@ -83,7 +83,7 @@ class Layer(torch.nn.Module):
         return {frame: wp.from_torch(into[k], dtype=base.dtype) for k, frame in enumerate(self.rollout.frames)}
 
 
-class _Run(torch.autograd.Function):
+class _RolloutFunction(torch.autograd.Function):
     @staticmethod
     def forward(ctx, layer: Layer, *given):                                 # type: ignore[override]
         x, v = layer.run(given)
@@ -99,13 +99,13 @@ class _Run(torch.autograd.Function):
         layer, (x, v, *given) = ctx.layer, ctx.saved_tensors
         if all(g is None for g in grads):
             return (None,) * (1 + len(given))
-        _again(layer, ctx.number, (x, v), given)
+        _rerun_if_replaced(layer, ctx.number, (x, v), given)
         shapes = {name: tuple(t.shape) for name, t in zip(layer.rollout.inputs, given, strict=True)}
         found = layer.rollout.of(layer.recording.backward(*map(layer.seeds, grads)), shapes)
         return None, *(torch.as_tensor(g, dtype=t.dtype, device=t.device) for g, t in zip(found.values(), given, strict=True))
 
 
-def _again(layer: Layer, number: int, outputs: tuple, given) -> None:
+def _rerun_if_replaced(layer: Layer, number: int, outputs: tuple, given) -> None:
     """A recording holds one run: where it is another's by now, this one runs once more."""
     if _last.get(layer.recording) == number and all(map(torch.equal, layer.motion(), outputs)):
         return

@@ -37,7 +37,7 @@ BACK = frozenset(("adjoint", "adj_inputs", "adj_outputs"))         # words of a 
 
 
 @cache
-def lean() -> type | None:
+def lean_capture_class() -> type | None:
     """A class of captures of the installed Warp that records so; None: Warp is not as known here."""
     try:
         capture, types = private_module("apic.capture"), private_module("apic.types")
@@ -48,13 +48,13 @@ def lean() -> type | None:
                  and tuple(inspect.signature(capture.APICapture._find_base).parameters) == ("self", "arr"))
     except (ImportError, AttributeError, ValueError):
         return None
-    return type("Lean", (Lean, capture.APICapture), {"types": types}) if known else None
+    return type("Lean", (LeanCapture, capture.APICapture), {"types": types}) if known else None
 
 
-def lighten() -> None:
+def lighten_capture() -> None:
     """Lets the capture of a CPU that has begun record arguments as bytes."""
     capture: Any = getattr(getattr(context, "runtime", None), "_apic_capture", None)
-    found: Any = lean() if capture is not None else None
+    found: Any = lean_capture_class() if capture is not None else None
     if found and type(capture) is found.__mro__[2] and capture.device.is_cpu and not capture.apic_savable:
         capture.__class__ = found
         capture.kept, capture.structs, capture.forms, capture.known, capture.bounds = {}, {}, {}, {}, {}
@@ -65,7 +65,7 @@ def end_capture() -> None:
     """Frees what a replay does not need, before a capture on a CPU ends: saved contents of arrays, which only a graph that is
     saved to a file needs, and the lookup tables."""
     capture: Any = getattr(getattr(context, "runtime", None), "_apic_capture", None)
-    if isinstance(capture, Lean):
+    if isinstance(capture, LeanCapture):
         core, state, mark = capture.runtime.core, capture.apic_state, ctypes.c_uint8()
         last = core.wp_apic_register_memory_region_by_ptr(state, ctypes.addressof(mark), 1, 1)     # numbers go up by one
         for region in range(1, last + 1):
@@ -77,11 +77,11 @@ def end_capture() -> None:
 def launch(kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, device=None, **how) -> None:
     """Launches a kernel as `wp.launch`. In a capture of a CPU it is recorded without a look where it was launched before."""
     capture = getattr(getattr(context, "runtime", None), "_apic_capture", None)
-    if not isinstance(capture, Lean) or not capture.again(kernel, dim, [*inputs, *outputs], device, how):
+    if not isinstance(capture, LeanCapture) or not capture.again(kernel, dim, [*inputs, *outputs], device, how):
         wp.launch(kernel, dim, inputs, outputs, device=device, **how)
 
 
-class Lean:
+class LeanCapture:
     """Captures of Warp with another record of launches."""
 
     device: Any

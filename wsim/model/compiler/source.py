@@ -47,22 +47,22 @@ GIVEN = re.compile(r"    \w+ (var_\w+) = _wp_args->\w+;")
 LOAD = re.compile(r"\s*var_\w+ = wp::load\((var_\w+)\);|\s*[\w:<>, ]+\* (var_\w+);")
 
 
-def functions(text: str) -> str:
+def rewrite_functions(text: str) -> str:
     """The source of a module with its functions, and the kernels of a GPU, rewritten."""
     structs = {name for name in STRUCT.findall(text) if not name.startswith("wp_args")}
-    text = _rooms(text)
-    text = KERNEL.sub(partial(_kernel, text, structs), text)
+    text = _rewrite_thread_arrays(text)
+    text = KERNEL.sub(partial(_rewrite_kernel_head, text, structs), text)
     parts, at = [], 0
     for head in HEAD.finditer(text):
         end = text.find(END, head.end() - 1) + 1
         if head.start() < at or not end or head[3].startswith("adj_"):
             continue
-        parts += [text[at:head.start()], _function(head, text[head.end():end], structs)]
+        parts += [text[at:head.start()], _rewrite_function(head, text[head.end():end], structs)]
         at = end
     return "".join([*parts, text[at:]])
 
 
-def _rooms(text: str) -> str:
+def _rewrite_thread_arrays(text: str) -> str:
     """A module whose arrays of a thread are `ROOMS`, unless something else is done with them than Warp's own forms."""
     names = [found[4] for found in ROOM.finditer(text)]
     if not names or text.count("fixedarray_t<") != len(names) + len(MADE.findall(text)) or header.INCLUDES not in text:
@@ -73,7 +73,7 @@ def _rooms(text: str) -> str:
     return text.replace(header.INCLUDES, header.INCLUDES + ROOMS, 1)
 
 
-def _function(head: re.Match, body: str, structs: set[str]) -> str:
+def _rewrite_function(head: re.Match, body: str, structs: set[str]) -> str:
     """A function, or a kernel, whose arguments come by a pointer."""
     word, kind, name, parameters = head.groups()
     kernel = "_wp_args" in parameters
@@ -90,7 +90,7 @@ def _function(head: re.Match, body: str, structs: set[str]) -> str:
     return f"static {word}{kind}{name}(\n{parameters}{{\n{body}"
 
 
-def _kernel(text: str, structs: set[str], head: re.Match) -> str:
+def _rewrite_kernel_head(text: str, structs: set[str], head: re.Match) -> str:
     """The head of a kernel of a GPU: structs that it only reads stay where they are given."""
     start, parameters = head.groups()
     given = [(of, name) for of, name in PARAMETER.findall(parameters) if of in structs]
@@ -111,15 +111,15 @@ def only_read(body: str, names: set[str]) -> set[str]:
         if not line.lstrip().startswith("//"):
             for word in set(WORD.findall(line)):
                 lines[word].append(line)
-    return {name for name in names if _read(name, lines, CALL, GIVEN, ELEMENT)}
+    return {name for name in names if _is_only_read(name, lines, CALL, GIVEN, ELEMENT)}
 
 
-def _read(name: str, lines: dict[str, list[str]], *allowed: re.Pattern) -> bool:
+def _is_only_read(name: str, lines: dict[str, list[str]], *allowed: re.Pattern) -> bool:
     """Also through the pointers to its fields, and to theirs."""
     for line in lines[name]:
         field = FIELD.fullmatch(line)
         if field and field[2] == name:
-            if not _read(field[1], lines, LOAD):
+            if not _is_only_read(field[1], lines, LOAD):
                 return False
         elif not (field and field[1] == name) and not any(form.fullmatch(line) for form in allowed):
             return False

@@ -33,7 +33,7 @@ TOLD: list[str] = []             # not empty: this process has been told that it
 
 
 @contextmanager
-def single(cpu: bool = True) -> Iterator[None]:
+def single_variant(cpu: bool = True) -> Iterator[None]:
     """Modules that are compiled inside have one variant of each kernel; functions stand by themselves on a CPU alone."""
     answer, words = getattr(codegen, QUESTION, None), getattr(codegen, WORDS, None)
     compiled, for_cuda = getattr(build, BUILD, None), getattr(build, BUILD_CUDA, None)
@@ -46,9 +46,9 @@ def single(cpu: bool = True) -> Iterator[None]:
     if words is not None and APART in words:
         setattr(codegen, WORDS, {w: code for w, code in words.items() if cpu or w != APART} | {CALLED: words[APART]})
     if compiled is not None:
-        setattr(build, BUILD, partial(rewritten, compiled))
+        setattr(build, BUILD, partial(compile_rewritten, compiled))
     if for_cuda is not None:
-        setattr(build, BUILD_CUDA, partial(rewritten_cuda, for_cuda))
+        setattr(build, BUILD_CUDA, partial(compile_rewritten_cuda, for_cuda))
     try:
         yield
     finally:
@@ -62,18 +62,18 @@ def single(cpu: bool = True) -> Iterator[None]:
             setattr(codegen, WORDS, words)
 
 
-def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
+def compile_rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
     """Compiles what `wsim.model.compiler.source` makes of a module's source; the source itself, where that does not compile."""
     given, short = Path(cpp_path), Path(f"{cpp_path}.{os.getpid()}.cpp")
     text = given.read_text(encoding="utf-8")
     if header.INCLUDES not in text or not source.HEAD.search(text):
         warn_once("writes the source of kernels in another form")
     try:
-        code = source.functions(text)
+        code = source.rewrite_functions(text)
         how: dict[str, Any] = {}
         if not header.CALLED.search(text):
             kept = more.get("pch_dir") if header.KEPT and more.get("use_precompiled_headers") else None
-            code, how = header.precompiled(code, more.get("extra_flags", ""), kept)
+            code, how = header.with_precompiled_header(code, more.get("extra_flags", ""), kept)
         short.write_text(code, encoding="utf-8")
         compiled(obj_path, str(short), *args, **more | how)
     except OSError:
@@ -85,13 +85,13 @@ def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
         short.unlink(missing_ok=True)
 
 
-def rewritten_cuda(compiled, cu_path, arch, output_path, **more) -> None:
-    """As `rewritten`, for a GPU of compute capability `arch`; a header has no part in that."""
+def compile_rewritten_cuda(compiled, cu_path, arch, output_path, **more) -> None:
+    """As `compile_rewritten`, for a GPU of compute capability `arch`; a header has no part in that."""
     given, short = Path(cu_path), Path(f"{cu_path}.{os.getpid()}.cu")
     if arch < IN_PLACE:
         return compiled(cu_path, arch, output_path, **more)
     try:
-        short.write_text(source.functions(given.read_text(encoding="utf-8")), encoding="utf-8")
+        short.write_text(source.rewrite_functions(given.read_text(encoding="utf-8")), encoding="utf-8")
         compiled(str(short), arch, output_path, **more)
     except OSError:
         raise

@@ -16,37 +16,37 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.animation import driven as kernels
-from wsim.kernels.animation.motion import sample as linear_sample
+from wsim.kernels.animation.motion import motion_sample_kernel as linear_sample
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.launches import LaunchList
 from wsim.model.stage import Clock, Stage
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.animation import skinning
-from wsim.physics.animation.driven import placed
-from wsim.physics.animation.hung import Hung
+from wsim.physics.animation.driven import skeleton_to_world
+from wsim.physics.animation.hung import FollowingPinTables
 from wsim.physics.animation.objects import Skeleton
 from wsim.physics.animation.skin import DrivenSkin
-from wsim.physics.animation.tables import Sampling, Tables
-from wsim.physics.contact.poses.sampled import Sampled
+from wsim.physics.animation.tables import JointSampling, JointTables
+from wsim.physics.contact.poses.sampled import SampledMotions
 
 FIELDS = ("x", "e", "q", "o")
 
 
-class DrivenSampling(Sampling):
+class DrivenSampling(JointSampling):
     """Transforms of joints at some moments of a frame, of which bodies drive some: tables of the device, and what they are made
     of."""
 
-    def __init__(self, dressed: Dressed, moments: np.ndarray):
+    def __init__(self, dressed: DrivenFollowers, moments: np.ndarray):
         """moments [s] in a frame, (times,)."""
         super().__init__(dressed.tables, moments)
         self.dressed, bones = dressed, dressed.skeletons
-        self.motions = Sampled(dressed.device, dressed.module)
+        self.motions = SampledMotions(dressed.device, dressed.module)
         self.motions.take([each.motion for each in bones], moments)
         stretch = [np.eye(3) if each.stretch is None else each.stretch for each in bones]
-        self.driven = filled(kernels.Driven, **dressed.columns, A=self.motions.A, p=self.motions.p,
-                             motion=dressed.array(self.motions.row, int), stretch=dressed.array(stretch, wp.mat33d),
-                             part=dressed.array(moments / dressed.dt, wp.float64))
+        self.driven = fill_struct(kernels.DrivenJoints, **dressed.columns, A=self.motions.A, p=self.motions.p,
+                                  motion=dressed.array(self.motions.row, int), stretch=dressed.array(stretch, wp.mat33d),
+                                  part=dressed.array(moments / dressed.dt, wp.float64))
         self.before = LaunchList(dressed.device, self.motions.launches())
 
     def begin(self, time: float) -> None:
@@ -67,10 +67,10 @@ class DrivenSampling(Sampling):
         wp.launch(t.bones, self.world.shape, [t.joints, self.world], [self.A], **how)
 
 
-class DrivenHung(Hung):
+class DrivenFollowingPin(FollowingPinTables):
     """A pin that follows a driven skeleton."""
 
-    def __init__(self, dressed: Dressed, pin, kind: str, first: int):
+    def __init__(self, dressed: DrivenFollowers, pin, kind: str, first: int):
         """pin: of `wsim.physics.motion.pins.Pins`; first: its column among the targets of its kind."""
         super().__init__(dressed.tables, pin, first)
         self.dressed, self.kind = dressed, kind
@@ -89,34 +89,35 @@ class DrivenHung(Hung):
                   device=self.dressed.device)
 
 
-class Dressed:
+class DrivenFollowers:
     """The stage of a frame that moves what follows driven skeletons, and whose tables it keeps."""
 
     def __init__(self, bones, skeletons: list[Skeleton], bodies):
-        """bones: `wsim.physics.animation.method.Bones`; bodies: the method of rigid bodies."""
+        """bones: `wsim.physics.animation.method.SkeletonMethod`; bodies: the method of rigid bodies."""
         self.model, self.skeletons, self.rigid = bones.model, skeletons, bodies
         self.device, self.real = self.model.device, self.model.real
-        self.tables = Tables(skeletons, self.device, self.real)
+        self.tables = JointTables(skeletons, self.device, self.real)
         self.meshes: list[DrivenSkin] = []
-        self.hung: list[DrivenHung] = []
+        self.hung: list[DrivenFollowingPin] = []
         self.pins: Any = None
         self.samplings: dict[str, DrivenSampling] = {}
         self.module = module = f"wsim_driven_{types(self.real).name}"
-        self.drive, self.hang = kernels.drive(self.real, module), kernels.hang(self.real, self.real, module)
+        self.drive, self.hang = (kernels.driven_joint_kernel(self.real, module),
+                                 kernels.hung_pin_kernel(self.real, self.real, module))
         linear_sample(module)
-        kernel_cache.load(module, self.device)
+        kernel_cache.load_kernel_module(module, self.device)
         row = {body.path: k for k, (body, _) in enumerate(bodies.bodies)}
         self.own = [(d, s.joints.index(name), row[path]) for d, s in enumerate(skeletons) for name, path in s.bodies.items()]
         d, j, k = (np.array(column, np.int32) for column in zip(*self.own, strict=True))
-        depth = np.concatenate([_depths(s) for s in skeletons])
+        depth = np.concatenate([_joint_tree_levels(s) for s in skeletons])
         joint = self.tables.start[d] + j
         self.levels = [self.array(np.flatnonzero(depth[joint] == level).astype(np.int32), int)
                        for level in range(int(depth.max()) + 1)]
         self.columns = {"joint": self.array(joint, int), "skeleton": self.array(d, int), "body": self.array(k, int),
                         "origin": self.array(bodies.origin[k], wp.vec3d)}
-        Where, part = kernels.bodies(self.real), bodies.part.arrays
-        self.start = filled(Where, **{name: wp.clone(part[name]) for name in FIELDS})
-        self.end = filled(Where, **{name: part[name] for name in FIELDS})
+        Where, part = kernels.body_pose_type(self.real), bodies.part.arrays
+        self.start = fill_struct(Where, **{name: wp.clone(part[name]) for name in FIELDS})
+        self.end = fill_struct(Where, **{name: part[name] for name in FIELDS})
         self.axes: Any = None
         self.bind()
 
@@ -133,10 +134,10 @@ class Dressed:
             bones, (body, _), mass = self.skeletons[d], self.rigid.bodies[k], self.rigid.masses[k]
             X = body.motion.at(0.0)
             Y = np.eye(4)
-            Y[:3, :3] = X[:3, :3] @ rotation.matrix(mass.axes)
+            Y[:3, :3] = X[:3, :3] @ rotation.quaternion_to_matrix(mass.axes)
             Y[:3, 3] = X[:3, :3] @ mass.center + X[:3, 3]
-            W = skinning.worlds(bones.parents, skinning.locals_(bones, np.zeros(1)))[0, j]
-            found.append(np.linalg.inv(Y) @ placed(bones, 0.0) @ W)
+            W = skinning.skeleton_space_transforms(bones.parents, skinning.local_joint_transforms(bones, np.zeros(1)))[0, j]
+            found.append(np.linalg.inv(Y) @ skeleton_to_world(bones, 0.0) @ W)
         if "bound" in self.columns:
             self.columns["bound"].assign(np.array(found))
         else:
@@ -149,7 +150,7 @@ class Dressed:
             first = 0
             for p in group:
                 if p.pin.follows is not None and p.pin.follows.skin.skeleton in self.skeletons:
-                    self.hung.append(DrivenHung(self, p, kind, first))
+                    self.hung.append(DrivenFollowingPin(self, p, kind, first))
                     pins.driven.append(p)
                 first += len(p.places)
 
@@ -184,9 +185,9 @@ class Dressed:
             hung.launch()
 
 
-def _depths(bones: Skeleton) -> np.ndarray:
+def _joint_tree_levels(bones: Skeleton) -> np.ndarray:
     """Levels of the joints, (joints,)."""
     found = np.zeros(len(bones.joints), int)
-    for k, level in enumerate(skinning.levels(bones.parents)):
+    for k, level in enumerate(skinning.joints_by_depth(bones.parents)):
         found[level] = k
     return found

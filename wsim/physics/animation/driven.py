@@ -15,7 +15,7 @@ from wsim.physics.animation.objects import Skeleton
 from wsim.scene.samples import Joints
 
 
-def placed(bones: Skeleton, time: float) -> np.ndarray:
+def skeleton_to_world(bones: Skeleton, time: float) -> np.ndarray:
     """The skeleton's space to world, stretch and all, (4, 4) [m]."""
     M = bones.motion.at(time).copy()
     if bones.stretch is not None:
@@ -23,22 +23,22 @@ def placed(bones: Skeleton, time: float) -> np.ndarray:
     return M
 
 
-def sample(bones: Skeleton, moved: dict[str, np.ndarray], time: float) -> Joints:
+def driven_joint_sample(bones: Skeleton, moved: dict[str, np.ndarray], time: float) -> Joints:
     """moved: X(t) X(0)^-1 of the bodies, (4, 4) [m], by path; time [s]."""
-    L = skinning.locals_(bones, np.array([0.0, time]))
-    start = skinning.worlds(bones.parents, L[:1])[0]
-    begun, back = placed(bones, 0.0), np.linalg.inv(placed(bones, time))
+    L = skinning.local_joint_transforms(bones, np.array([0.0, time]))
+    start = skinning.skeleton_space_transforms(bones.parents, L[:1])[0]
+    begun, back = skeleton_to_world(bones, 0.0), np.linalg.inv(skeleton_to_world(bones, time))
     found, W = L[1].copy(), np.tile(np.eye(4), (len(bones.joints), 1, 1))
-    for level in skinning.levels(bones.parents):
+    for level in skinning.joints_by_depth(bones.parents):
         for j in level.tolist():
             parent, body = bones.parents[j], bones.bodies.get(bones.joints[j])
             above = np.eye(4) if parent < 0 else W[parent]
             if body is not None:
                 found[j] = np.linalg.solve(above, back @ moved[body] @ begun @ start[j])
             W[j] = above @ found[j]
-    R, S = rotation.polar(found[:, :3, :3])
+    R, S = rotation.polar_decomposition(found[:, :3, :3])
     names, values = bones.shapes, None
     if bones.weights is not None:
         values = bones.weights.at(time)
-    return Joints(bones.path, bones.joints, found[:, :3, 3], rotation.quaternion(R), np.diagonal(S, axis1=1, axis2=2).copy(),
+    return Joints(bones.path, bones.joints, found[:, :3, 3], rotation.matrix_quat(R), np.diagonal(S, axis1=1, axis2=2).copy(),
                   names, values)

@@ -12,12 +12,12 @@ import numpy as np
 from wsim.model.launches import LaunchList
 from wsim.model.stage import Clock, Method, Methods, Ports
 from wsim.physics.animation.objects import Skeleton, Skinned
-from wsim.physics.animation.skin import DrivenSkin, Skin
-from wsim.physics.animation.tables import Sampling, Tables
+from wsim.physics.animation.skin import DrivenSkin, SkinnedMeshTables
+from wsim.physics.animation.tables import JointSampling, JointTables
 from wsim.scene import Problem, SceneError
-from wsim.scene.methods import followers
+from wsim.scene.methods import paths_following
 from wsim.scene.samples import Sample
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -25,34 +25,34 @@ if TYPE_CHECKING:
 
 def build(b: Build) -> Method:
     """Raises SceneError where several worlds, or gradients, are wanted of what follows skeletons that bodies drive."""
-    driven = [bones for bones in b.scene.things("Skeleton") if bones.bodies and followers(b.scene, bones)]
+    driven = [bones for bones in b.scene.things("Skeleton") if bones.bodies and paths_following(b.scene, bones)]
     for bones in driven:
         if b.model.gradients:
-            raise refuse("dressed", bones.path)
+            raise gradient_refusal("dressed", bones.path)
         if b.model.worlds > 1:
             raise SceneError(Problem(bones.path, "rigid bodies drive what others follow, and there are "
                                      f"{b.model.worlds} worlds, which share their meshes; run a world at a time"))
-    return Bones(b.model, b.scene.things("Skeleton"), driven)
+    return SkeletonMethod(b.model, b.scene.things("Skeleton"), driven)
 
 
 def signature(b: Build) -> list:
     return []                                            # kernels stand in modules of their own
 
 
-class Bones(Method):
+class SkeletonMethod(Method):
     """All skeletons of a scene, which worlds share."""
 
     def __init__(self, model, skeletons: list[Skeleton], dressed: Sequence[Skeleton] = ()):
         """dressed: those that bodies drive and something follows."""
         super().__init__("bones")
         self.model, self.skeletons = model, list(skeletons)
-        self.tables = Tables(self.skeletons, model.device, model.real)
-        self.skins: list[Skin] = []
+        self.tables = JointTables(self.skeletons, model.device, model.real)
+        self.skins: list[SkinnedMeshTables] = []
         self.samplings: dict[tuple, tuple] = {}          # of the substeps of a frame, and their launches
         self.at: tuple | None = None
         self.driven = [bones for bones in skeletons if bones.bodies]
         self.followed = list(dressed)
-        self.dressed: Any = None                         # `wsim.physics.animation.dressed.Dressed`
+        self.dressed: Any = None                         # `wsim.physics.animation.dressed.DrivenFollowers`
         self.now = 0.0                                   # [s] where the last frame ended
         self.bodies: Any = None                          # the method of rigid bodies, where they drive joints
         self.offers = Ports(bones=self)
@@ -61,14 +61,14 @@ class Bones(Method):
         self.bodies = others.ports.bodies
         contacts = others.ports.contacts
         if self.followed:
-            from wsim.physics.animation.dressed import Dressed
-            self.dressed = Dressed(self, self.followed, self.bodies)
+            from wsim.physics.animation.dressed import DrivenFollowers
+            self.dressed = DrivenFollowers(self, self.followed, self.bodies)
             self.dressed.hold(others.ports.pins)
         for mesh in contacts.meshes.values() if contacts else ():
             if isinstance(mesh.surface.poses, Skinned):
                 driven = any(mesh.surface.poses.skeleton is bones for bones in self.followed)
                 of = self.dressed if driven else self
-                skin = (DrivenSkin if driven else Skin)(of.tables, mesh.surface.poses, mesh, of)
+                skin = (DrivenSkin if driven else SkinnedMeshTables)(of.tables, mesh.surface.poses, mesh, of)
                 (self.dressed.meshes if driven else self.skins).append(skin)
                 mesh.device["skin"] = skin
         if self.dressed:
@@ -86,11 +86,11 @@ class Bones(Method):
         """Joints of skeletons that bodies drive."""
         if not self.driven:
             return []
-        from wsim.physics.animation.driven import sample
+        from wsim.physics.animation.driven import driven_joint_sample
         poses = self.bodies.poses()
         moved = {body.path: poses[k] @ np.linalg.inv(body.motion.at(0.0))
                  for k, (body, of) in enumerate(self.bodies.bodies) if of == world}
-        return [sample(bones, moved, self.now) for bones in self.driven]
+        return [driven_joint_sample(bones, moved, self.now) for bones in self.driven]
 
     def give(self, old: Skeleton, new: Skeleton) -> None:
         """Puts a skeleton in the place of another one with the same joints and keys, from the next frame on."""
@@ -102,10 +102,10 @@ class Bones(Method):
             if skin.skin.skeleton is old:
                 skin.give(new)
 
-    def sampled(self, time: float, dt: float, substeps: int) -> Sampling:
+    def sampled(self, time: float, dt: float, substeps: int) -> JointSampling:
         """Joints at the substeps of the frame of dt [s] that starts at `time` [s]. Once a frame, for all meshes."""
         if (key := (dt, substeps)) not in self.samplings:
-            sampling = Sampling(self.tables, dt * np.arange(substeps + 1) / substeps)
+            sampling = JointSampling(self.tables, dt * np.arange(substeps + 1) / substeps)
             self.samplings[key] = sampling, LaunchList(self.model.device, sampling.launches())
         sampling, sequence = self.samplings[key]
         if (time, key) != self.at:

@@ -15,14 +15,14 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.physics.animation import skinning
-from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
 from wsim.scene.curve import Curve, Motion
 
 LOOSE = 1e-4           # by which weights of a point may sum to something else than 1 before they are normalised
 LINEAR, DUAL = "classicLinear", "dualQuaternion"
 
 
-def parents_of(joints) -> np.ndarray:
+def parent_joint_indices(joints) -> np.ndarray:
     """Parent of each joint, (joints,), -1 of a root, by names that are paths, as USD has them: the nearest that there is."""
     number = {name: k for k, name in enumerate(joints)}
     found = []
@@ -36,12 +36,12 @@ def parents_of(joints) -> np.ndarray:
     return np.array(found, np.int32)
 
 
-def _matrices(value, n: int) -> np.ndarray:
+def _matrices_or_identity(value, n: int) -> np.ndarray:
     return np.tile(np.eye(4), (n, 1, 1)) if value is None else np.ascontiguousarray(value, np.float64).reshape(-1, 4, 4)
 
 
 @dataclass(eq=False)
-class Skeleton(Compared):
+class Skeleton(ArrayDataclass):
     """A tree of joints and how they move (USD: Skeleton, SkelAnimation). Keys are linear in between, rotations turn at constant
     speed about a fixed axis; before the first and after the last they are held. As in
     `scene.add(Skeleton("/rig", ("hip", "hip/knee"), bind=np.tile(np.eye(4), (2, 1, 1))))`.
@@ -82,25 +82,27 @@ class Skeleton(Compared):
     def __post_init__(self):
         n = len(self.joints)
         self.joints, self.shapes = tuple(self.joints), tuple(self.shapes)
-        self.bind = _matrices(self.bind, n)
-        self.parents = parents_of(self.joints) if self.parents is None else array(self.parents, np.int32, -1)
+        self.bind = _matrices_or_identity(self.bind, n)
+        self.parents = parent_joint_indices(self.joints) if self.parents is None else contiguous_array(self.parents, np.int32,
+                                                                                                       -1)
         self.times = np.atleast_1d(np.asarray(self.times, np.float64))
         keys = len(self.times)
         given = self.translations is not None
         if given:
-            self.translations = reals(self.translations, keys, -1, 3)
+            self.translations = real_array(self.translations, keys, -1, 3)
             self.rotations = (np.tile([0.0, 0.0, 0.0, 1.0], (keys, n, 1)) if self.rotations is None
-                              else reals(self.rotations, keys, -1, 4))
-            self.scales = np.ones((keys, n, 3)) if self.scales is None else reals(self.scales, keys, -1, 3)
-        self.animated = np.full(n, given) if self.animated is None else array(self.animated, bool, -1)
+                              else real_array(self.rotations, keys, -1, 4))
+            self.scales = np.ones((keys, n, 3)) if self.scales is None else real_array(self.scales, keys, -1, 3)
+        self.animated = np.full(n, given) if self.animated is None else contiguous_array(self.animated, bool, -1)
         if self.rest is None:
-            self.rest = skinning.local(self.bind, self.parents) if len(self.bind) == len(self.parents) else self.bind
-        self.rest = _matrices(self.rest, n)
+            self.rest = skinning.parent_space_transforms(self.bind,
+                                                         self.parents) if len(self.bind) == len(self.parents) else self.bind
+        self.rest = _matrices_or_identity(self.rest, n)
 
     @property
     def orientations(self) -> np.ndarray:
         """Rotations of length 1, (keys, joints, 4)."""
-        return rotation.normalized(self.rotations)
+        return rotation.unit_quat(self.rotations)
 
     @property
     def moves(self) -> bool:
@@ -122,16 +124,17 @@ class Skeleton(Compared):
         if self.bodies:
             raise ValueError(f"{self.path}: rigid bodies drive its joints, so that their motion is not known before the run")
         times = np.union1d(self.times, self.motion.times)
-        world = skinning.worlds(self.parents, skinning.locals_(self, times))[:, self.joints.index(joint)]
+        world = skinning.skeleton_space_transforms(self.parents,
+                                                   skinning.local_joint_transforms(self, times))[:, self.joints.index(joint)]
         if self.stretch is not None:
             world[:, :3] = self.stretch @ world[:, :3]
         world = np.stack([self.motion.at(t) for t in times]) @ world
-        world[:, :3, :3] = rotation.polar(world[:, :3, :3])[0]
+        world[:, :3, :3] = rotation.polar_decomposition(world[:, :3, :3])[0]
         return Motion(times, world)
 
 
 @dataclass(eq=False)
-class Shape(Compared):
+class BlendShape(ArrayDataclass):
     """Offsets of some points of a mesh, at a weight of 1 and at weights between (USD: BlendShape, inbetweens).
 
     name        as the skeleton's `shapes` have it
@@ -152,12 +155,12 @@ class Shape(Compared):
     width: float = pi
 
     def __post_init__(self):
-        self.points, self.knots = array(self.points, np.int32, -1), array(self.knots, np.float64, -1)
-        self.offsets = reals(self.offsets, len(self.knots), -1, 3)
+        self.points, self.knots = contiguous_array(self.points, np.int32, -1), contiguous_array(self.knots, np.float64, -1)
+        self.offsets = real_array(self.offsets, len(self.knots), -1, 3)
 
 
 @dataclass(eq=False)
-class Skinned(Compared):
+class Skinned(ArrayDataclass):
     """Points that follow the joints of a skeleton; `Surface.poses` of a mesh collider, in the skeleton's space.
 
     skeleton    `Skeleton` of the same scene
@@ -166,7 +169,7 @@ class Skinned(Compared):
     weights     their parts, (n, m) [1], which sum to 1
     geom        the mesh's space to the skeleton's when it was bound, (4, 4) [m]
     method      "classicLinear" (linear blend) or "dualQuaternion"
-    blends      list of `Shape`, added before
+    blends      list of `BlendShape`, added before
     """
 
     skeleton: Skeleton
@@ -175,14 +178,14 @@ class Skinned(Compared):
     weights: np.ndarray
     geom: np.ndarray = field(default_factory=lambda: np.eye(4))
     method: str = LINEAR
-    blends: list[Shape] = field(default_factory=list)
+    blends: list[BlendShape] = field(default_factory=list)
 
     def __post_init__(self):
-        self.points = reals(self.points, -1, 3)
+        self.points = real_array(self.points, -1, 3)
         n = max(len(self.points), 1)
-        self.joints = array(self.joints, np.int32, n, -1)
-        self.weights = reals(self.weights, n, -1)
-        self.geom = array(self.geom, np.float64, 4, 4)
+        self.joints = contiguous_array(self.joints, np.int32, n, -1)
+        self.weights = real_array(self.weights, n, -1)
+        self.geom = contiguous_array(self.geom, np.float64, 4, 4)
 
     @property
     def parts(self) -> np.ndarray:
@@ -212,7 +215,7 @@ class Skinned(Compared):
     def over(self, times: np.ndarray) -> np.ndarray:
         """Points at some times [s], (times, n, 3) [m], in the skeleton's space."""
         times = np.asarray(times, np.float64)
-        return skinning.skinned(self, skinning.transforms(self.skeleton, times), times)
+        return skinning.skin_points(self, skinning.skinning_transforms(self.skeleton, times), times)
 
     def only(self, points: np.ndarray) -> "Skinned":
         """Some of the points alone, in the order of their numbers (k,)."""
@@ -229,7 +232,7 @@ class Skinned(Compared):
 
 
 @dataclass(eq=False)
-class Follow(Compared):
+class Follow(ArrayDataclass):
     """Places on skinned points that a pin holds points at (USD: PhysicsAttachment, point to face or to point).
 
         place = u x0 + v x1 + (1 - u - v) x2 + h n        of a triangle x0, x1, x2 with the unit normal n
@@ -246,8 +249,8 @@ class Follow(Compared):
     faces: np.ndarray | None = None
 
     def __post_init__(self):
-        self.corners, self.places = array(self.corners, np.int32, -1, 3), reals(self.places, -1, 3)
-        self.faces = array(self.faces, np.int32, -1)
+        self.corners, self.places = contiguous_array(self.corners, np.int32, -1, 3), real_array(self.places, -1, 3)
+        self.faces = contiguous_array(self.faces, np.int32, -1)
 
     @property
     def moves(self) -> bool:
@@ -264,10 +267,11 @@ class Follow(Compared):
         """The places at world places (k, 3) [m], each as it lies over the nearest triangle at the start. triangles: (t, 3);
         faces: their numbers in the mesh, if they are not 0, 1, 2 ..."""
         x = skin.skeleton.motion.points(skin.at(0.0))
-        chosen = np.array([skinning.nearest(x[triangles], place) for place in np.asarray(places, np.float64)], np.int32)
+        chosen = np.array([skinning.nearest_triangle(x[triangles], place) for place in np.asarray(places, np.float64)],
+                          np.int32)
         corners = np.asarray(triangles, np.int32)[chosen]
-        return Follow(skin, corners, skinning.coordinates(x[corners], np.asarray(places, np.float64)),
-                      chosen if faces is None else np.asarray(faces)[chosen])
+        return Follow(skin, corners, skinning.triangle_coordinates(x[corners], np.asarray(places, np.float64)),
+                                 chosen if faces is None else np.asarray(faces)[chosen])
 
     def only_points(self) -> tuple[Skinned, np.ndarray]:
         """The skinned points that matter, and the corners among them."""
@@ -278,5 +282,5 @@ class Follow(Compared):
         """World places at some times [s], (times, k, 3) [m]."""
         skin, corners = self.only_points()
         motion = self.skin.skeleton.motion
-        local = skinning.placed(skin.over(times)[:, corners], self.places)
+        local = skinning.points_over_triangles(skin.over(times)[:, corners], self.places)
         return np.stack([motion.points(x, t) for x, t in zip(local, times, strict=True)])

@@ -10,17 +10,18 @@ from wsim.kernels.animation import blend
 from wsim.kernels.animation import skin as kernels
 from wsim.kernels.math.real import types
 from wsim.physics.animation.objects import Skinned
-from wsim.physics.animation.tables import Sampling, Tables
+from wsim.physics.animation.tables import JointSampling, JointTables
 
 
-class Shapes:
+class BlendShapeTables:
     """Tables of the shapes of one mesh, and the points that they make of bound ones."""
 
-    def __init__(self, tables: Tables, skin: Skinned, first: int, module: str):
+    def __init__(self, tables: JointTables, skin: Skinned, first: int, module: str):
         """first: joint of the skeleton among all joints."""
         self.tables, self.first_joint, self.device, real = tables, first, tables.device, tables.real
         dtype = np.float32 if real is wp.float32 else np.float64
-        self.kernel, self.weigh, self.real = kernels.shapes(real, module), blend.weights(real, module), real
+        self.kernel, self.weigh, self.real = (kernels.blend_shape_kernel(real, module), blend.shape_weight_kernel(real, module),
+                                              real)
         owner, part, offset = [], [], []                 # type: list[np.ndarray], list[np.ndarray], list[np.ndarray]
         self.count = 0
         for shape in skin.blends:
@@ -42,7 +43,7 @@ class Shapes:
 
     def give(self, skin: Skinned) -> None:
         """Uploads what the weights are made of."""
-        bones, shapes, b = skin.skeleton, skin.blends, blend.Blends()
+        bones, shapes, b = skin.skeleton, skin.blends, blend.BlendShapeTable()
         every = [np.concatenate([[0.0], shape.knots]) for shape in shapes]
         order = [np.argsort(knots, kind="stable") for knots in every]
         before = np.cumsum([0, *(len(shape.knots) for shape in shapes)])
@@ -58,8 +59,8 @@ class Shapes:
         b.turns = self._array(np.array([shape.joint >= 0 and bones.translations is not None and bones.animated[shape.joint]
                                         for shape in shapes], np.int32), int)
         rest = [bones.rest[max(shape.joint, 0), :3, :3] for shape in shapes]
-        b.still = self._array(rotation.quaternion(rotation.polar(np.array(rest))[0]), wp.quatd)
-        b.target = self._array(rotation.normalized(np.array([shape.rotation for shape in shapes], np.float64)), wp.quatd)
+        b.still = self._array(rotation.matrix_quat(rotation.polar_decomposition(np.array(rest))[0]), wp.quatd)
+        b.target = self._array(rotation.unit_quat(np.array([shape.rotation for shape in shapes], np.float64)), wp.quatd)
         b.width = self._array(np.array([shape.width for shape in shapes], np.float64), wp.float64)
         b.column = self._array(np.array([bones.shapes.index(shape.name) if own else 0
                                          for shape, own in zip(shapes, known, strict=True)], np.int32), int)
@@ -68,7 +69,7 @@ class Shapes:
                            device=self.device)
         self.blends, self.shapes = b, len(shapes)
 
-    def launches(self, sampling: Sampling, point: wp.array) -> list[tuple]:
+    def launches(self, sampling: JointSampling, point: wp.array) -> list[tuple]:
         """Launches of bound points with their offsets into `out`, (moments, n): (kernel, dim, inputs, outputs) each."""
         n, t = len(sampling.moments), types(self.real)
         self.out = wp.empty((n, point.shape[1]), dtype=point.dtype, device=self.device)

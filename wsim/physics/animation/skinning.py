@@ -21,10 +21,10 @@ from wsim.geometry import rotation
 from wsim.scene.curve import Curve
 
 if TYPE_CHECKING:
-    from wsim.physics.animation.objects import Shape, Skeleton, Skinned
+    from wsim.physics.animation.objects import BlendShape, Skeleton, Skinned
 
 
-def levels(parents: np.ndarray) -> list[np.ndarray]:
+def joints_by_depth(parents: np.ndarray) -> list[np.ndarray]:
     """Joints by how many are above them: roots first. Raises ValueError where a joint is above itself."""
     depth = np.full(len(parents), -1)
     depth[parents < 0] = 0
@@ -39,23 +39,23 @@ def levels(parents: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero(depth == k).astype(np.int32) for k in range(int(depth.max(initial=-1)) + 1)]
 
 
-def flat(M: np.ndarray) -> np.ndarray:
+def is_singular_transform(M: np.ndarray) -> np.ndarray:
     """True for each of the transforms (n, 4, 4) that has no inverse."""
     lengths = np.linalg.norm(M[:, :3, :3], axis=1)
     return ~(np.abs(np.linalg.det(M[:, :3, :3])) > 1e-12 * lengths.max(axis=1) ** 3)
 
 
-def local(world: np.ndarray, parents: np.ndarray) -> np.ndarray:
+def parent_space_transforms(world: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Transforms (joints, 4, 4) from a joint's parent's space, of those in the skeleton's; where a parent flattens, as they
     are."""
-    found, none = world.copy(), flat(world)
+    found, none = world.copy(), is_singular_transform(world)
     for j, parent in enumerate(parents):
         if 0 <= parent < len(world) and not none[parent]:
             found[j] = np.linalg.solve(world[parent], world[j])
     return found
 
 
-def sampled(skeleton: "Skeleton", times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sample_joint_animation(skeleton: "Skeleton", times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Translations (times, joints, 3) [m], rotations (times, joints, 4) and scales (times, joints, 3) at times [s]."""
     T, Q, S = skeleton.translations, skeleton.orientations, skeleton.scales
     assert T is not None and S is not None
@@ -68,41 +68,41 @@ def sampled(skeleton: "Skeleton", times: np.ndarray) -> tuple[np.ndarray, np.nda
     return T[a] + s[:, None, None] * (T[b] - T[a]), turned, S[a] + s[:, None, None] * (S[b] - S[a])
 
 
-def locals_(skeleton: "Skeleton", times: np.ndarray) -> np.ndarray:
+def local_joint_transforms(skeleton: "Skeleton", times: np.ndarray) -> np.ndarray:
     """L of all joints, (times, joints, 4, 4)."""
     found = np.tile(skeleton.rest, (len(times), 1, 1, 1))
     if skeleton.translations is not None:
-        T, Q, S = sampled(skeleton, times)
+        T, Q, S = sample_joint_animation(skeleton, times)
         moved = np.tile(np.eye(4), (*T.shape[:2], 1, 1))
-        moved[..., :3, :3] = rotation.matrix(Q) * S[..., None, :]
+        moved[..., :3, :3] = rotation.quaternion_to_matrix(Q) * S[..., None, :]
         moved[..., :3, 3] = T
         found[:, skeleton.animated] = moved[:, skeleton.animated]
     return found
 
 
-def worlds(parents: np.ndarray, L: np.ndarray) -> np.ndarray:
+def skeleton_space_transforms(parents: np.ndarray, L: np.ndarray) -> np.ndarray:
     """W of all joints, (times, joints, 4, 4), level by level."""
     W = L.copy()
-    for level in levels(parents)[1:]:
+    for level in joints_by_depth(parents)[1:]:
         W[:, level] = W[:, parents[level]] @ L[:, level]
     return W
 
 
-def transforms(skeleton: "Skeleton", times: np.ndarray) -> np.ndarray:
+def skinning_transforms(skeleton: "Skeleton", times: np.ndarray) -> np.ndarray:
     """A of all joints, (times, joints, 4, 4), in the skeleton's space."""
     times = np.asarray(times, np.float64)
-    return worlds(skeleton.parents, locals_(skeleton, times)) @ np.linalg.inv(skeleton.bind)
+    return skeleton_space_transforms(skeleton.parents, local_joint_transforms(skeleton, times)) @ np.linalg.inv(skeleton.bind)
 
 
-def bound(skin: "Skinned") -> np.ndarray:
+def bind_space_points(skin: "Skinned") -> np.ndarray:
     """G p, (n, 3) [m]."""
     return skin.points @ skin.geom[:3, :3].T + skin.geom[:3, 3]
 
 
-def skinned(skin: "Skinned", A: np.ndarray, times: np.ndarray) -> np.ndarray:
+def skin_points(skin: "Skinned", A: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Points (times, n, 3) [m] of skinning transforms (times, joints, 4, 4)."""
-    form = linear if skin.method == "classicLinear" else dual
-    base, parts, weights = bound(skin), blended(skin, times), skin.parts
+    form = linear_blend_skinning if skin.method == "classicLinear" else dual_quaternion_skinning
+    base, parts, weights = bind_space_points(skin), blend_shape_offsets(skin, times), skin.parts
     out = np.empty((len(A), len(base), 3))
     for k, each in enumerate(A):
         p = base if parts is None else base + parts[k] @ skin.geom[:3, :3].T
@@ -110,7 +110,7 @@ def skinned(skin: "Skinned", A: np.ndarray, times: np.ndarray) -> np.ndarray:
     return out if skin.skeleton.stretch is None else out @ skin.skeleton.stretch.T
 
 
-def linear(p: np.ndarray, joints: np.ndarray, weights: np.ndarray, A: np.ndarray) -> np.ndarray:
+def linear_blend_skinning(p: np.ndarray, joints: np.ndarray, weights: np.ndarray, A: np.ndarray) -> np.ndarray:
     """Linear blend of points p (n, 3) by transforms A (joints, 4, 4); joints, weights: (n, m)."""
     out = np.zeros((len(p), 3))
     for c in range(joints.shape[1]):
@@ -119,36 +119,36 @@ def linear(p: np.ndarray, joints: np.ndarray, weights: np.ndarray, A: np.ndarray
     return out
 
 
-def duals(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def dual_quaternion_parts(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Quaternions q (..., 4) of transforms (..., 4, 4), their dual parts t q / 2 (..., 4), and stretches S (..., 3, 3)."""
-    R, S = rotation.polar(A[..., :3, :3])
-    q = rotation.quaternion(R)
+    R, S = rotation.polar_decomposition(A[..., :3, :3])
+    q = rotation.matrix_quat(R)
     t = np.concatenate([A[..., :3, 3], np.zeros((*A.shape[:-2], 1))], axis=-1)
-    return q, 0.5 * rotation.multiply(t, q), S
+    return q, 0.5 * rotation.quat_product(t, q), S
 
 
-def dual(p: np.ndarray, joints: np.ndarray, weights: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Dual quaternion blend, arguments as of `linear`."""
-    q, d, S = duals(A)
+def dual_quaternion_skinning(p: np.ndarray, joints: np.ndarray, weights: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """Dual quaternion blend, arguments as of `linear_blend_skinning`."""
+    q, d, S = dual_quaternion_parts(A)
     pivot = q[joints[np.arange(len(p)), np.argmax(weights, axis=1)]]
     real, other, stretch = np.zeros((len(p), 4)), np.zeros((len(p), 4)), np.zeros((len(p), 3, 3))
     for c in range(joints.shape[1]):
         j, w = joints[:, c], weights[:, c, None]
         sign = np.where((q[j] * pivot).sum(axis=1, keepdims=True) < 0.0, -w, w)
         real, other, stretch = real + sign * q[j], other + sign * d[j], stretch + w[..., None] * S[j]
-    return moved(real, other, np.einsum("nij,nj->ni", stretch, p))
+    return apply_dual_quaternions(real, other, np.einsum("nij,nj->ni", stretch, p))
 
 
-def moved(q: np.ndarray, d: np.ndarray, p: np.ndarray) -> np.ndarray:
+def apply_dual_quaternions(q: np.ndarray, d: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Points moved by dual quaternions that are not unit yet: R p + 2 vec(d q*) / |q|^2."""
     size = (q * q).sum(axis=1, keepdims=True)
-    shift = rotation.multiply(d, rotation.conjugate(q))[:, :3]
-    return rotation.rotate(q / np.sqrt(size), p) + 2.0 * shift / size
+    shift = rotation.quat_product(d, rotation.quat_conjugate(q))[:, :3]
+    return rotation.quat_rotate(q / np.sqrt(size), p) + 2.0 * shift / size
 
 
 # blend shapes
 
-def part_weights(shape: "Shape", weight: np.ndarray) -> np.ndarray:
+def part_weights(shape: "BlendShape", weight: np.ndarray) -> np.ndarray:
     """Weights (times, knots) of offsets at weights (times,): linear between knots and 0, and on beyond the outermost."""
     knots = np.concatenate([[0.0], shape.knots])
     order = np.argsort(knots, kind="stable")
@@ -160,16 +160,16 @@ def part_weights(shape: "Shape", weight: np.ndarray) -> np.ndarray:
     return found[:, 1:]
 
 
-def shape_weights(skin: "Skinned", shape: "Shape", times: np.ndarray) -> np.ndarray:
+def shape_weights(skin: "Skinned", shape: "BlendShape", times: np.ndarray) -> np.ndarray:
     """Weight of a blend shape at times [s], (times,): of the animation, or by the joint that drives it."""
     bones = skin.skeleton
     if shape.joint >= 0:
         if bones.translations is not None and bones.animated[shape.joint]:
-            q = sampled(bones, times)[1][:, shape.joint]
+            q = sample_joint_animation(bones, times)[1][:, shape.joint]
         else:
-            q = np.tile(rotation.quaternion(rotation.polar(bones.rest[shape.joint, :3, :3])[0]), (len(times), 1))
-        target = rotation.normalized(np.array(shape.rotation))
-        angle = np.linalg.norm(rotation.logarithm(rotation.multiply(rotation.conjugate(target), q)), axis=1)
+            q = np.tile(rotation.matrix_quat(rotation.polar_decomposition(bones.rest[shape.joint, :3, :3])[0]), (len(times), 1))
+        target = rotation.unit_quat(np.array(shape.rotation))
+        angle = np.linalg.norm(rotation.quaternion_logarithm(rotation.quat_product(rotation.quat_conjugate(target), q)), axis=1)
         s = np.clip(1.0 - angle / shape.width, 0.0, 1.0)
         return s * s * (3.0 - 2.0 * s)
     if bones.weights is None or shape.name not in bones.shapes:
@@ -178,7 +178,7 @@ def shape_weights(skin: "Skinned", shape: "Shape", times: np.ndarray) -> np.ndar
     return curve.weights(times) @ curve.values
 
 
-def blended(skin: "Skinned", times: np.ndarray) -> np.ndarray | None:
+def blend_shape_offsets(skin: "Skinned", times: np.ndarray) -> np.ndarray | None:
     """Offsets (times, n, 3) [m] of all blend shapes, in the mesh's space; None where there are none."""
     if not skin.blends:
         return None
@@ -192,7 +192,7 @@ def blended(skin: "Skinned", times: np.ndarray) -> np.ndarray | None:
 
 # places on skinned triangles
 
-def placed(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+def points_over_triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Places (..., k, 3) of (u, v, h) over triangles (..., k, 3, 3): u x0 + v x1 + (1 - u - v) x2 + h n."""
     x0, x1, x2 = (corners[..., c, :] for c in range(3))
     u, v, h = (places[:, c, None] for c in range(3))
@@ -201,7 +201,7 @@ def placed(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     return u * x0 + v * x1 + (1.0 - u - v) * x2 + h * n / np.where(size > 0.0, size, 1.0)
 
 
-def coordinates(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
+def triangle_coordinates(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     """(u, v, h), (k, 3), of places x (k, 3) over triangles (k, 3, 3) that have an area."""
     x0, x1, x2 = (corners[:, c] for c in range(3))
     n = np.cross(x1 - x0, x2 - x0)
@@ -210,7 +210,7 @@ def coordinates(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.linalg.solve(M, (x - x2)[:, :, None])[..., 0]
 
 
-def nearest(corners: np.ndarray, x: np.ndarray) -> int:
+def nearest_triangle(corners: np.ndarray, x: np.ndarray) -> int:
     """Number of the triangle among (t, 3, 3) with an area that is nearest to a place (3,)."""
     e0, e1 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     sound = np.linalg.norm(np.cross(e0, e1), axis=1) > 0.0

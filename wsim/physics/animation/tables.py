@@ -10,23 +10,24 @@ from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import Skeleton
 
 
-class Tables:
+class JointTables:
     """Joints of skeletons on a device, and their transforms at some times."""
 
     def __init__(self, skeletons: list[Skeleton], device, real):
         self.skeletons, self.device, self.real = skeletons, device, real
         module = f"wsim_skeleton_{types(real).name}"
-        self.local, self.compose, self.bones = kernels.local(module), kernels.compose(module), kernels.bones(real, module)
+        self.local, self.compose, self.bones = (kernels.local_joint_kernel(module), kernels.joint_compose_kernel(module),
+                                                kernels.skin_matrix_kernel(real, module))
         counts = [len(s.joints) for s in skeletons]
         self.start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        self.joints, self.count = kernels.Joints(), int(self.start[-1])
+        self.joints, self.count = kernels.SkeletonJoints(), int(self.start[-1])
         self.entries = np.concatenate([[0], np.cumsum([len(s.times) * n for s, n in zip(skeletons, counts, strict=True)])])
-        each = [skinning.levels(s.parents) for s in skeletons]
+        each = [skinning.joints_by_depth(s.parents) for s in skeletons]
         self.levels = [self._array(np.concatenate([first + own[k] for own, first in zip(each, self.start, strict=False)
                                                    if k < len(own)]), int) for k in range(1, max(map(len, each)))]
         self._constants(counts)
         self.keys()
-        kernel_cache.load(module, device)
+        kernel_cache.load_kernel_module(module, device)
 
     def _array(self, values, dtype) -> wp.array:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
@@ -60,10 +61,10 @@ class Tables:
         j.turn = self._array(np.concatenate(Q), wp.quatd)
 
 
-class Sampling:
+class JointSampling:
     """Transforms of the joints of some tables at moments of a frame: W and A, (moments, joints)."""
 
-    def __init__(self, tables: Tables, moments: np.ndarray):
+    def __init__(self, tables: JointTables, moments: np.ndarray):
         """moments [s] in a frame, (moments,)."""
         self.tables, self.moments, device = tables, moments, tables.device
         shape = len(moments), tables.count

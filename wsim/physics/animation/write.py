@@ -1,4 +1,5 @@
-"""`Skeleton`, `Skinned`, `Follow` -> UsdSkel: Skeleton, SkelAnimation, bindings and blend shapes below a SkelRoot."""
+"""`Skeleton`, `Skinned`, `Follow` -> UsdSkel: Skeleton, SkelAnimation, bindings and blend shapes below a
+SkelRoot."""
 
 from typing import Any
 
@@ -8,31 +9,31 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 from wsim.physics.animation.objects import Follow, Skeleton, Skinned
 from wsim.scene import Problem, SceneError
 from wsim.usd import names
-from wsim.usd.attributes import author as write
+from wsim.usd.attributes import author_attribute as write
 from wsim.usd.attributes import author_times
-from wsim.usd.stage import Units
+from wsim.usd.stage import StageUnits
 from wsim.usd.transforms import author_motion
 
 ANIMATION = "animation"            # child of a skeleton
-JOINT, ROTATION, WIDTH = (names.row("Corrective", field).attribute for field in ("joint", "rotation", "width"))
-BODIES, DRIVEN = names.DRIVERS, names.row("Skeleton", "driven").attribute
+JOINT, ROTATION, WIDTH = (names.attribute_entry("Corrective", field).attribute for field in ("joint", "rotation", "width"))
+BODIES, DRIVEN = names.DRIVERS, names.attribute_entry("Skeleton", "driven").attribute
 
 
-def _rows(M: np.ndarray, units: Units) -> Gf.Matrix4d:
+def _usd_matrix_in_units(M: np.ndarray, units: StageUnits) -> Gf.Matrix4d:
     M = np.array(M, np.float64)
     M[:3, 3] /= units.metres
     return Gf.Matrix4d(*M.T.ravel().tolist())
 
 
-def _vectors(values, kind: Any = Vt.Vec3fArray) -> Any:
+def _typed_vector_array(values, kind: Any = Vt.Vec3fArray) -> Any:
     return kind.FromNumpy(np.ascontiguousarray(values, np.float16 if kind is Vt.Vec3hArray else np.float32).reshape(-1, 3))
 
 
-def _quaternions(values: np.ndarray) -> Vt.QuatfArray:
+def _quatf_array(values: np.ndarray) -> Vt.QuatfArray:
     return Vt.QuatfArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1, 4))
 
 
-def root(stage: Usd.Stage, *paths: str) -> None:
+def make_skel_root(stage: Usd.Stage, *paths: str) -> None:
     """Makes the nearest prim above all of them a SkelRoot."""
     above = Sdf.Path(paths[0]).GetParentPath()
     for path in paths[1:]:
@@ -48,21 +49,21 @@ def root(stage: Usd.Stage, *paths: str) -> None:
     UsdSkel.Root.Define(stage, above)
 
 
-def author(stage: Usd.Stage, bones: Skeleton, units: Units) -> None:
+def author(stage: Usd.Stage, bones: Skeleton, units: StageUnits) -> None:
     """Defines the prims of a skeleton and of its animation."""
-    root(stage, bones.path)
+    make_skel_root(stage, bones.path)
     made = UsdSkel.Skeleton.Define(stage, bones.path)
     prim = made.GetPrim()
     author_motion(prim, bones.motion, units, 0)
     if bones.stretch is not None:
         S = np.eye(4)
         S[:3, :3] = bones.stretch
-        UsdGeom.Xformable(prim).AddTransformOp(UsdGeom.XformOp.PrecisionDouble, "stretch").Set(_rows(S, units))
+        UsdGeom.Xformable(prim).AddTransformOp(UsdGeom.XformOp.PrecisionDouble, "stretch").Set(_usd_matrix_in_units(S, units))
     made.CreateJointsAttr(list(bones.joints))
-    made.CreateBindTransformsAttr(Vt.Matrix4dArray([_rows(M, units) for M in bones.bind]))
-    made.CreateRestTransformsAttr(Vt.Matrix4dArray([_rows(M, units) for M in bones.rest]))
+    made.CreateBindTransformsAttr(Vt.Matrix4dArray([_usd_matrix_in_units(M, units) for M in bones.bind]))
+    made.CreateRestTransformsAttr(Vt.Matrix4dArray([_usd_matrix_in_units(M, units) for M in bones.rest]))
     if bones.translations is not None or bones.weights is not None:
-        _animate(stage, bones, f"{bones.path}/{ANIMATION}", units)
+        _author_skel_animation(stage, bones, f"{bones.path}/{ANIMATION}", units)
         UsdSkel.BindingAPI.Apply(prim).CreateAnimationSourceRel().SetTargets([Sdf.Path(f"{bones.path}/{ANIMATION}")])
     if bones.bodies:
         prim.AddAppliedSchema(names.WSIM_SKELETON)
@@ -70,7 +71,7 @@ def author(stage: Usd.Stage, bones: Skeleton, units: Units) -> None:
         prim.CreateAttribute(DRIVEN, Sdf.ValueTypeNames.TokenArray, False, Sdf.VariabilityUniform).Set(list(bones.bodies))
 
 
-def _animate(stage: Usd.Stage, bones: Skeleton, path: str, units: Units) -> None:
+def _author_skel_animation(stage: Usd.Stage, bones: Skeleton, path: str, units: StageUnits) -> None:
     made = UsdSkel.Animation.Define(stage, path)
     moved = np.flatnonzero(bones.animated)
     made.CreateJointsAttr([bones.joints[j] for j in moved])
@@ -78,9 +79,9 @@ def _animate(stage: Usd.Stage, bones: Skeleton, path: str, units: Units) -> None
         still = len(bones.times) == 1 and bones.times[0] == 0.0
         for k, time in enumerate(bones.times.tolist()):
             code = Usd.TimeCode.Default() if still else Usd.TimeCode(units.code(time))
-            made.CreateTranslationsAttr().Set(_vectors(bones.translations[k, moved] / units.metres), code)
-            made.CreateRotationsAttr().Set(_quaternions(bones.rotations[k, moved]), code)
-            made.CreateScalesAttr().Set(_vectors(bones.scales[k, moved], Vt.Vec3hArray), code)
+            made.CreateTranslationsAttr().Set(_typed_vector_array(bones.translations[k, moved] / units.metres), code)
+            made.CreateRotationsAttr().Set(_quatf_array(bones.rotations[k, moved]), code)
+            made.CreateScalesAttr().Set(_typed_vector_array(bones.scales[k, moved], Vt.Vec3hArray), code)
         if not still:
             author_times(made.GetTranslationsAttr(), bones.times)
     if bones.weights is not None:
@@ -93,24 +94,24 @@ def _animate(stage: Usd.Stage, bones: Skeleton, path: str, units: Units) -> None
             author_times(made.GetBlendShapeWeightsAttr(), bones.weights.times)
 
 
-def bind(stage: Usd.Stage, path: str, skin: Skinned, units: Units) -> None:
+def bind(stage: Usd.Stage, path: str, skin: Skinned, units: StageUnits) -> None:
     """Writes the bound points of a mesh and what moves them."""
-    root(stage, path, skin.skeleton.path)
+    make_skel_root(stage, path, skin.skeleton.path)
     prim = stage.GetPrimAtPath(path)
-    UsdGeom.Mesh(prim).GetPointsAttr().Set(_vectors(skin.points / units.metres))
+    UsdGeom.Mesh(prim).GetPointsAttr().Set(_typed_vector_array(skin.points / units.metres))
     api = UsdSkel.BindingAPI.Apply(prim)
     api.CreateSkeletonRel().SetTargets([Sdf.Path(skin.skeleton.path)])
     m = skin.joints.shape[1]
     api.CreateJointIndicesPrimvar(False, m).Set(Vt.IntArray.FromNumpy(skin.joints.ravel()))
     api.CreateJointWeightsPrimvar(False, m).Set(Vt.FloatArray.FromNumpy(skin.weights.astype(np.float32).ravel()))
-    api.CreateGeomBindTransformAttr().Set(_rows(skin.geom, units))
+    api.CreateGeomBindTransformAttr().Set(_usd_matrix_in_units(skin.geom, units))
     method = prim.CreateAttribute("primvars:skel:skinningMethod", Sdf.ValueTypeNames.Token, False, Sdf.VariabilityUniform)
     method.Set(skin.method)
     if skin.blends:
-        _shape(stage, prim, api, skin, units)
+        _author_blend_shapes(stage, prim, api, skin, units)
 
 
-def _shape(stage: Usd.Stage, mesh: Usd.Prim, api: UsdSkel.BindingAPI, skin: Skinned, units: Units) -> None:
+def _author_blend_shapes(stage: Usd.Stage, mesh: Usd.Prim, api: UsdSkel.BindingAPI, skin: Skinned, units: StageUnits) -> None:
     paths = [mesh.GetPath().AppendChild(f"shape_{k}") for k in range(len(skin.blends))]
     api.CreateBlendShapesAttr([shape.name for shape in skin.blends])
     api.CreateBlendShapeTargetsRel().SetTargets(paths)
@@ -118,7 +119,7 @@ def _shape(stage: Usd.Stage, mesh: Usd.Prim, api: UsdSkel.BindingAPI, skin: Skin
         made = UsdSkel.BlendShape.Define(stage, path)
         made.CreatePointIndicesAttr(Vt.IntArray.FromNumpy(shape.points))
         for k, knot in enumerate(shape.knots.tolist()):
-            offsets = _vectors(shape.offsets[k] / units.metres)
+            offsets = _typed_vector_array(shape.offsets[k] / units.metres)
             if knot == 1.0:
                 made.CreateOffsetsAttr(offsets)
             else:
@@ -133,12 +134,13 @@ def _shape(stage: Usd.Stage, mesh: Usd.Prim, api: UsdSkel.BindingAPI, skin: Skin
             prim.CreateAttribute(WIDTH, kinds.Float, False, Sdf.VariabilityUniform).Set(float(np.degrees(shape.width)))
 
 
-def attach(prim: Usd.Prim, target: str, follow: Follow, units: Units) -> None:
+def attach(prim: Usd.Prim, target: str, follow: Follow, units: StageUnits) -> None:
     """Writes where an attachment holds its points: points or faces of a skinned mesh."""
     points = follow.faces is None
     prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
     write(prim, "Pin", "type1", "point" if points else "face")
     write(prim, "Tie", "others", follow.corners[:, 0] if points else follow.faces)
     if not points:
-        attribute = prim.CreateAttribute(names.row("Pin", "places").attribute, Sdf.ValueTypeNames.Vector3fArray, False)
-        attribute.Set(_vectors(follow.places / (1.0, 1.0, units.metres)))
+        attribute = prim.CreateAttribute(names.attribute_entry("Pin", "places").attribute, Sdf.ValueTypeNames.Vector3fArray,
+                                         False)
+        attribute.Set(_typed_vector_array(follow.places / (1.0, 1.0, units.metres)))

@@ -12,8 +12,8 @@ from wsim.kernels.cloth import air as kernels
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
 from wsim.model.stage import ByWorld, Clock, Method, Methods, Ports, Stage
-from wsim.model.state import State
-from wsim.model.structs import filled
+from wsim.model.state import SimulationState
+from wsim.model.structs import fill_struct
 from wsim.scene import Cloth, Scene
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 
-def wants(scene: Scene) -> str:
+def why_air_acts(scene: Scene) -> str:
     """Reason why this method is needed, or ""."""
     return "" if not any(c.feels_air for c in scene.cloths) else "a cloth has drag or lift"
 
@@ -36,18 +36,18 @@ class Aero(Method):
 
     alike = True
 
-    def __init__(self, model: Model, state: State, points, taken: bool = False, half_step=None):
+    def __init__(self, model: Model, state: SimulationState, points, taken: bool = False, half_step=None):
         """points: the method that owns the tables of points and the anchor; taken: explicit steps know the air themselves, see
-        kernels/fused/sheet.py; half_step: offer of explicit steps, the arrays of `halves` in kernels/cloth/air.py."""
+        kernels/motion/fused/sheet.py; half_step: offer of explicit steps, the arrays of `halves` in kernels/cloth/air.py."""
         super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
         cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]
         triangles = model.shared(np.concatenate([b.triangles for b in cloths]))
-        starts, items = topology.incident(triangles, model.points)
+        starts, items = topology.incident_rows(triangles, model.points)
         self.triangle = model.upload(triangles, wp.vec3i)
-        self.corners = filled(kernels.gatherer(real)[0], first=model.upload(starts.astype(np.int32), int),
-                              item=model.upload(items.astype(np.int32), int))
+        self.corners = fill_struct(kernels.air_gather_functions(real)[0], first=model.upload(starts.astype(np.int32), int),
+                                   item=model.upload(items.astype(np.int32), int))
         c, fields = self.constants, dict[str, wp.array]()
         shares = {"drag": model.scene.air_density / 6.0, "lift": model.scene.air_density / 6.0, "normal_drag": 1.0 / 3.0}
         each = [b.count if model.by_point else 1 for b in model.bodies]        # rows, as of points
@@ -56,7 +56,8 @@ class Aero(Method):
             values = np.repeat([share * b.source.air[name] if isinstance(b.source, Cloth) else 0.0 for b in model.bodies], each)
             fields[name] = model.upload(values, t.scalar)
         # of velocities where substeps end, and of predicted ones: explicit steps have all forces in those
-        self.ended, self.air = (filled(kernels.air(real), object=c.object, gravity=c.gravity, w=c.w, fall=fall, **fields)
+        self.ended, self.air = (fill_struct(kernels.air_tables(real), object=c.object, gravity=c.gravity, w=c.w, fall=fall,
+                                            **fields)
                                 for fall in (0.0, float(points.integrator.g > 0.0)))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
@@ -66,8 +67,9 @@ class Aero(Method):
             return
         self.half_step = half_step if len(points.integrator.steps) == 2 else None
         if self.half_step:
-            self.press_leap, self.blow_leap = kernels.press_leap(real, module), kernels.blow_leap(real, module)
-        self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
+            self.press_leap, self.blow_leap = (kernels.leapfrog_drag_kernel(real, module),
+                                               kernels.leapfrog_air_kernel(real, module))
+        self.press, self.blow = kernels.triangle_drag_kernel(real, module), kernels.air_displacement_kernel(real, module)
         size = np.dtype(model.dtype).itemsize
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]
@@ -83,8 +85,8 @@ class Aero(Method):
             self.model.launch(self.blow, self.model.points, [self.corners, *forces, w, s.d, clock.g], [s.d])
             return
         (at, pair, change), first, h = self.half_step(), clock.k == 0, clock.h
-        half = filled(kernels.halves(self.model.real), x=s.x, v=s.v, pair=pair, change=change, at=at, known=float(not first),
-                      h=h, kick=0.5 * h if first and clock.halved else h)
+        half = fill_struct(kernels.leapfrog_halves(self.model.real), x=s.x, v=s.v, pair=pair, change=change, at=at,
+                           known=float(not first), h=h, kick=0.5 * h if first and clock.halved else h)
         self.model.launch(self.press_leap, self.k.size, [self.triangle, self.air, half], forces)
         self.model.launch(self.blow_leap, self.model.points, [self.corners, *forces, w, s.d, half], [s.d, pair])
 

@@ -78,17 +78,17 @@ class Patches:
     slot: np.ndarray
 
 
-def patches(points: np.ndarray, triangles: np.ndarray, ids: np.ndarray, pinned: np.ndarray) -> Patches:
-    """points (n, 3) at rest [m]; triangles (t, 3); ids (m, 4) of `wsim.geometry.topology.hinges`; pinned (n,) bool."""
+def sheet_patches(points: np.ndarray, triangles: np.ndarray, ids: np.ndarray, pinned: np.ndarray) -> Patches:
+    """points (n, 3) at rest [m]; triangles (t, 3); ids (m, 4) of `wsim.geometry.topology.hinges_of_triangles`; pinned (n,)."""
     t, ids, n = triangles.astype(np.int64), ids.astype(np.int64), len(points)
-    key = _key(t, n)
+    key = _triangle_key(t, n)
     order = np.argsort(key)
-    of = np.stack([order[np.searchsorted(key[order], _key(ids[:, c], n))] for c in ([0, 1, 2], [0, 1, 3])], axis=1)
+    of = np.stack([order[np.searchsorted(key[order], _triangle_key(ids[:, c], n))] for c in ([0, 1, 2], [0, 1, 3])], axis=1)
     k = (t[of] == ids[:, 2:, None]).argmax(axis=2)
     side = 3 * of + k
     ahead = np.take_along_axis(t[of], (k[..., None] + 1) % 3, axis=2)[..., 0]
     way = np.where(ahead == ids[:, :2], 1, -1)
-    single = (np.bincount(side.ravel(), minlength=3 * len(t))[side] == 1).all(axis=1) & _high(points[t])[of].all(axis=1)
+    single = (np.bincount(side.ravel(), minlength=3 * len(t))[side] == 1).all(axis=1) & _has_height(points[t])[of].all(axis=1)
     whole, alone = np.flatnonzero(single), np.flatnonzero(~single)
     side, way = side[whole], way[whole]
     hinge, sign, across = np.full(3 * len(t), -1), np.ones(3 * len(t), np.int64), np.full(3 * len(t), -1)
@@ -111,59 +111,59 @@ def patches(points: np.ndarray, triangles: np.ndarray, ids: np.ndarray, pinned: 
                    np.concatenate([ids[whole], apex], axis=1), bends, whole, alone, slot)
 
 
-def _key(corners: np.ndarray, n: int) -> np.ndarray:
+def _triangle_key(corners: np.ndarray, n: int) -> np.ndarray:
     s = np.sort(corners, axis=1)
     return (s[:, 0] * n + s[:, 1]) * n + s[:, 2]
 
 
-def _high(corners: np.ndarray) -> np.ndarray:
+def _has_height(corners: np.ndarray) -> np.ndarray:
     """Whether triangles (t, 3, 3) have a height that tells an angle."""
     e = corners[:, [1, 2, 0]] - corners
     return np.linalg.norm(np.cross(e[:, 0], e[:, 1]), axis=1) > LOW * (e**2).sum(-1).max(axis=1)
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _row_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Without conjugates: points may be complex, of differences."""
     return (a * b).sum(axis=-1)
 
 
-def _over(start: np.ndarray, end: np.ndarray, apex: np.ndarray) -> tuple[np.ndarray, ...]:
+def _edge_height(start: np.ndarray, end: np.ndarray, apex: np.ndarray) -> tuple[np.ndarray, ...]:
     """Length L of edges (.., 3), foot p and height h of an apex over them."""
     e, r = end - start, apex - start
-    L = np.sqrt(_dot(e, e))
-    p = _dot(e, r) / L
-    return L, p, np.sqrt(_dot(r, r) - p * p)
+    L = np.sqrt(_row_dot(e, e))
+    p = _row_dot(e, r) / L
+    return L, p, np.sqrt(_row_dot(r, r) - p * p)
 
 
-def _tells(start: np.ndarray, end: np.ndarray, apex: np.ndarray, bends: np.ndarray) -> np.ndarray:
+def _angle_rows(start: np.ndarray, end: np.ndarray, apex: np.ndarray, bends: np.ndarray) -> np.ndarray:
     """a of triangles that bend, else 0, by (nn, 2^1/2 nt, tt), (.., 3)."""
-    L, p, h = _over(start, end, apex)
+    L, p, h = _edge_height(start, end, apex)
     return np.stack([0.5 * h, (p - 0.5 * L) / ROOT2, 0.5 * p * (p - L) / h], axis=-1) * bends[..., None]
 
 
-def _turned(row: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
+def _turned_rows(row: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Rows in axes that are turned by (cosine, sine), in those that are not."""
     nn, nt, tt = row[..., 0], row[..., 1] * ROOT2, row[..., 2]
     return np.stack([c * c * nn + c * s * nt + s * s * tt, (2.0 * s * c * (tt - nn) + (c * c - s * s) * nt) / ROOT2,
                      s * s * nn - s * c * nt + c * c * tt], axis=-1)
 
 
-def split(p: np.ndarray, bends: np.ndarray, there: np.ndarray) -> np.ndarray:
+def split_hinge_angles(p: np.ndarray, bends: np.ndarray, there: np.ndarray) -> np.ndarray:
     """(f + c_0, c_1 .. c_4) of hinges, (h, 5), from their points (h, 8, 3), who bends (h, 6), and which of the four other
     edges have a hinge (h, 4). alpha of the first triangle is that combination of the angles."""
     x0, x1, x2, x3 = (p[:, k] for k in range(4))
-    a0, a1 = _tells(x0, x1, x2, bends[:, 0]), _tells(x1, x0, x3, bends[:, 1])
-    L, _, h0 = _over(x0, x1, x2)
-    h1 = _over(x1, x0, x3)[2]
+    a0, a1 = _angle_rows(x0, x1, x2, bends[:, 0]), _angle_rows(x1, x0, x3, bends[:, 1])
+    L, _, h0 = _edge_height(x0, x1, x2)
+    h1 = _edge_height(x1, x0, x3)[2]
     rows = [a0 + a1]
     for q, (start, end, inner, high, sine) in enumerate(((x1, x2, x0, h0, 1.0), (x2, x0, x1, h0, -1.0),
                                                          (x0, x3, x1, h1, 1.0), (x3, x1, x0, h1, -1.0))):
         beyond = np.where(there[:, q, None], p[:, 4 + q], inner)
-        R = _tells(start, end, inner, bends[:, q // 2]) + _tells(end, start, beyond, bends[:, 2 + q])
+        R = _angle_rows(start, end, inner, bends[:, q // 2]) + _angle_rows(end, start, beyond, bends[:, 2 + q])
         e = end - start
-        length = np.sqrt(_dot(e, e))
+        length = np.sqrt(_row_dot(e, e))
         along = (x1 - x0) if q < 2 else (x0 - x1)
-        rows.append(_turned(R, _dot(e, along) / (length * L), sine * high / length) * there[:, q, None])
+        rows.append(_turned_rows(R, _row_dot(e, along) / (length * L), sine * high / length) * there[:, q, None])
     G = np.stack(rows, axis=1)
     f = np.where(bends[:, 1], np.where(bends[:, 0], h0 / (h0 + h1), 0.0), 1.0)
     A = np.swapaxes(G, 1, 2) @ G
@@ -174,28 +174,28 @@ def split(p: np.ndarray, bends: np.ndarray, there: np.ndarray) -> np.ndarray:
     return np.concatenate([c[:, :1] + f[:, None], c[:, 1:]], axis=1)
 
 
-def bearing(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
+def edge_bearing_rows(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
     """l_k / A^1/2 n_k n_k^T of triangles (t, 3, 3) without what borders leave free (t, 3), all of those without a height:
     (t, edge, 3), by (tt, 2^1/2 nt, nn) of edge 0."""
     x = [np.where(np.sum(free, axis=1, keepdims=True) == 3, ANY[k], corners[:, k]) for k in range(3)]
     e = [x[2] - x[1], x[0] - x[2], x[1] - x[0]]
-    L = [np.sqrt(_dot(each, each)) for each in e]
-    h = _over(x[1], x[2], x[0])[2]
+    L = [np.sqrt(_row_dot(each, each)) for each in e]
+    h = _edge_height(x[1], x[2], x[0])[2]
     one, found = np.ones_like(L[0]), []
     for k, sine in enumerate((0.0 * one, h / L[1], -h / L[2])):
-        c = one if k == 0 else _dot(e[k], e[0]) / (L[k] * L[0])
+        c = one if k == 0 else _row_dot(e[k], e[0]) / (L[k] * L[0])
         found.append(np.stack([sine * sine, -ROOT2 * sine * c, c * c], axis=-1))
     kept = [None if not free[:, k].any() else found[k] * free[:, k, None] for k in range(3)]
     basis: list[np.ndarray] = []
     for u in (k for k in kept if k is not None):
         for q in basis:
-            u = u - q * _dot(u, q)[:, None]
-        size = _dot(u, u)
+            u = u - q * _row_dot(u, q)[:, None]
+        size = _row_dot(u, u)
         some = size.real > 1e-12
         basis.append(u * (some / np.sqrt(np.where(some, size, 1.0)))[:, None])
     for k in range(3):
         for q in basis:
-            found[k] = found[k] - q * _dot(found[k], q)[:, None]
+            found[k] = found[k] - q * _row_dot(found[k], q)[:, None]
         found[k] = found[k] * (L[k] / np.sqrt(0.5 * L[0] * h) * ~free[:, k])[:, None]
     return np.stack(found, axis=1)
 
@@ -212,14 +212,14 @@ class Coupling:
     patches: Patches
 
 
-def coupling(points: np.ndarray, found: Patches) -> tuple[Coupling, np.ndarray]:
+def hinge_coupling(points: np.ndarray, found: Patches) -> tuple[Coupling, np.ndarray]:
     """Coupling, and 1 / D of each hinge. points (n, 3) at rest [m]."""
-    F = _curvatures(points, found)[0]
-    D = _above(F, found)[0]
+    F = _sheet_curvatures(points, found)[0]
+    D = _majorant(F, found)[0]
     return Coupling(found.slot, F / np.sqrt(D)[found.slot][..., None], found), 1.0 / D
 
 
-def _shares(s: Patches, c: int) -> tuple[np.ndarray, ...]:
+def _side_shares(s: Patches, c: int) -> tuple[np.ndarray, ...]:
     """Of side c of whole hinges: triangle, edge, and of the five angles (own, near): their slots there, and signs."""
     t, k = s.side[:, c] // 3, s.side[:, c] % 3
     mine, others = s.near[:, 2 * c:2 * c + 2] % 3, np.stack([3 + 2 * k, 4 + 2 * k], axis=1)
@@ -228,29 +228,29 @@ def _shares(s: Patches, c: int) -> tuple[np.ndarray, ...]:
     return t, k, slots, np.concatenate([s.way[:, c, None], turn], axis=1)
 
 
-def _curvatures(points: np.ndarray, s: Patches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, and what it is made of: angles alpha by those of the slots, (t, edge, SLOTS), and `bearing`."""
-    parted = split(points[s.points], s.bends, s.hinge.ravel()[s.near] >= 0)
-    g = bearing(points[s.triangles], s.hinge < 0)
+def _sheet_curvatures(points: np.ndarray, s: Patches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F, and what it is made of: angles alpha by those of the slots, (t, edge, SLOTS), and `edge_bearing_rows`."""
+    parted = split_hinge_angles(points[s.points], s.bends, s.hinge.ravel()[s.near] >= 0)
+    g = edge_bearing_rows(points[s.triangles], s.hinge < 0)
     alpha = np.zeros((len(s.triangles), 3, SLOTS))
     for c in (0, 1):
-        t, k, slots, sign = _shares(s, c)
+        t, k, slots, sign = _side_shares(s, c)
         own = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
         np.add.at(alpha, (t[:, None], k[:, None], slots), sign * (parted if c == 0 else own - parted))
     F = np.zeros((len(s.slot), SLOTS, 3))
     F[:len(alpha)] = np.einsum("tks,tkr->tsr", alpha, g)
     F[s.slot < 0] = 0.0
-    F[len(alpha):, 0, 0] = _lonely(points[s.ids[s.alone]])
+    F[len(alpha):, 0, 0] = _lone_hinge_rows(points[s.ids[s.alone]])
     return F, alpha, g
 
 
-def _lonely(p: np.ndarray) -> np.ndarray:
+def _lone_hinge_rows(p: np.ndarray) -> np.ndarray:
     """l / A^1/2 of hinges by themselves, (m, 4, 3)."""
-    L, _, h2 = _over(p[:, 0], p[:, 1], p[:, 2])
-    return np.sqrt(L / (0.5 * (h2 + _over(p[:, 1], p[:, 0], p[:, 3])[2])))
+    L, _, h2 = _edge_height(p[:, 0], p[:, 1], p[:, 2])
+    return np.sqrt(L / (0.5 * (h2 + _edge_height(p[:, 1], p[:, 0], p[:, 3])[2])))
 
 
-def _above(F: np.ndarray, s: Patches) -> tuple[np.ndarray, ...]:
+def _majorant(F: np.ndarray, s: Patches) -> tuple[np.ndarray, ...]:
     """D; lam, M = dlam / dB (t, 3, 3), and |F|, with a smooth corner at 0."""
     square = (F**2).sum(axis=2)
     size = np.sqrt(square + SMOOTH * square.sum(axis=1, keepdims=True) + 1e-300)
@@ -264,10 +264,10 @@ def _above(F: np.ndarray, s: Patches) -> tuple[np.ndarray, ...]:
     return np.where(D > 1e-100, D, 1.0), lam, M, size    # between two clamps there is no energy, whatever D is
 
 
-def by_points(points: np.ndarray, s: Patches, by_value: np.ndarray, by_inverse: np.ndarray) -> np.ndarray:
-    """Gradient by the points at rest, (n, 3), from those by what `coupling` makes of them."""
-    F, alpha, g = _curvatures(points, s)
-    D, lam, M, size = _above(F, s)
+def rest_point_gradient(points: np.ndarray, s: Patches, by_value: np.ndarray, by_inverse: np.ndarray) -> np.ndarray:
+    """Gradient by the points at rest, (n, 3), from those by what `hinge_coupling` makes of them."""
+    F, alpha, g = _sheet_curvatures(points, s)
+    D, lam, M, size = _majorant(F, s)
     slot, used = np.maximum(s.slot, 0), s.slot >= 0
     root = np.sqrt(D)[slot][..., None]
     by_D = -by_inverse / D**2 - 0.5 / D * np.bincount(slot.ravel(), ((by_value * F / root).sum(axis=2) * used).ravel(), len(D))
@@ -281,16 +281,16 @@ def by_points(points: np.ndarray, s: Patches, by_value: np.ndarray, by_inverse: 
     by_alpha, by_g = np.einsum("tkr,tsr->tks", g, by_F[:n]), np.einsum("tks,tsr->tkr", alpha, by_F[:n])
     by_parted = np.zeros((len(s.whole), 5))
     for c in (0, 1):
-        t, k, slots, sign = _shares(s, c)
+        t, k, slots, sign = _side_shares(s, c)
         by_parted += (1 - 2 * c) * sign * by_alpha[t[:, None], k[:, None], slots]
     there = s.hinge.ravel()[s.near] >= 0
-    _add(by, points, s.points, lambda p: split(p, s.bends, there), by_parted)
-    _add(by, points, s.triangles, lambda p: bearing(p, s.hinge < 0), by_g)
-    _add(by, points, s.ids[s.alone], _lonely, by_F[n:, 0, 0])
+    _add_gradient(by, points, s.points, lambda p: split_hinge_angles(p, s.bends, there), by_parted)
+    _add_gradient(by, points, s.triangles, lambda p: edge_bearing_rows(p, s.hinge < 0), by_g)
+    _add_gradient(by, points, s.ids[s.alone], _lone_hinge_rows, by_F[n:, 0, 0])
     return by
 
 
-def _add(by: np.ndarray, points: np.ndarray, ids: np.ndarray, function, weights: np.ndarray) -> None:
+def _add_gradient(by: np.ndarray, points: np.ndarray, ids: np.ndarray, function, weights: np.ndarray) -> None:
     """Adds the gradient of sum weights function(points[ids]), by complex steps (Squire, Trapp 1998): exact to rounding."""
     for k in range(ids.shape[1] if len(ids) else 0):
         for axis in range(3):

@@ -30,7 +30,7 @@ class Curvature:
         if order is not None:
             self.place[order] = np.arange(self.hinges)
         self.seen, self.rank = [r.coupling for r in rows], np.full(0, 0)
-        self.data = d = kernels.curvatures(model.real)()
+        self.data = d = kernels.sheet_curvatures(model.real)()
         for name, values in self.tables().items():
             setattr(d, name, model.upload(values, {"value": t.vec3, "own": t.scalar}.get(name, int)))
         if not apart:
@@ -38,7 +38,7 @@ class Curvature:
 
     def need(self, stored: bool = False) -> None:
         """Makes the kernel of sums, before the module is compiled, and what it works on. stored: G has a place."""
-        self.sums = kernels.sums(self.model.real, self.model.module)
+        self.sums = kernels.curvature_sum_kernel(self.model.real, self.model.module)
         self.room(stored)
 
     def room(self, stored: bool = False) -> None:
@@ -47,12 +47,13 @@ class Curvature:
             return
         model, d, t = self.model, self.data, types(self.model.real)
 
-        def over(count: int, dtype) -> wp.array:
+        def curvature_zeros(count: int, dtype) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=model.device)
-        d.slope, d.kept = over(self.hinges, t.scalar), over(self.hinges, t.scalar)
-        d.z, d.C, d.G = over(self.hinges, t.scalar), over(self.triangles, t.vec3), over(3 * self.hinges * stored, t.vec3)
+        d.slope, d.kept = curvature_zeros(self.hinges, t.scalar), curvature_zeros(self.hinges, t.scalar)
+        d.z, d.C, d.G = (curvature_zeros(self.hinges, t.scalar), curvature_zeros(self.triangles, t.vec3),
+                         curvature_zeros(3 * self.hinges * stored, t.vec3))
         if model.gradients:
-            d.y, d.Y = over(self.hinges, t.scalar), over(self.triangles, t.vec3)
+            d.y, d.Y = curvature_zeros(self.hinges, t.scalar), curvature_zeros(self.triangles, t.vec3)
 
     @property
     def sizes(self) -> np.ndarray:
@@ -121,14 +122,15 @@ class Curvature:
         self.model.launch(self.sums, self.triangles, [self.data], [])
 
     def energy_kernels(self, module: str) -> list:
-        return [f(self.model.real, module) for f in (kernels.stored, kernels.sums, kernels.energy)]
+        return [f(self.model.real, module)
+                for f in (kernels.stored_bending_kernel, kernels.curvature_sum_kernel, kernels.bending_energy_kernel)]
 
     def energy(self, table, rest: wp.array, x: wp.array, d: wp.array, module: str) -> float:
         """[J] at x + d. table: struct of the hinges' points and compliances; rest: their angles at rest."""
         self.room()
         out = wp.zeros(min(LANES, self.triangles), dtype=wp.vec3d, device=self.model.device)
         kernels_of = self.energy_kernels(module)
-        kernel_cache.ready(kernels_of[-1], self.model)
+        kernel_cache.load_module_of_kernel(kernels_of[-1], self.model)
         self.sum_energy(kernels_of, table, rest, x, d, out, 1)
         return float(out.numpy()[:, 2].sum())
 
@@ -143,7 +145,7 @@ class Curvature:
 @dataclass
 class Spans:
     """The parts that each curvature has of each of its points: triangle and point (s,), and items part[s] .. part[s + 1],
-    (slot, corner of a hinge): see `wsim.kernels.cloth.hessian.spans`. Those of a triangle stand together."""
+    (slot, corner of a hinge): see `wsim.kernels.cloth.hessian.curvature_span_kernel`. Those of a triangle stand together."""
 
     triangle: np.ndarray
     point: np.ndarray

@@ -12,7 +12,7 @@ from wsim.model.model import Model
 
 
 class NewtonCurvature:
-    """Curvatures in Newton's method, of hinges, a `wsim.physics.cloth.table.Table`."""
+    """Curvatures in Newton's method, of hinges, a `wsim.physics.cloth.table.ConstraintTable`."""
 
     def __init__(self, model: Model, table: Any):
         self.model, self.table, self.cur = model, table, table.curvature
@@ -23,12 +23,15 @@ class NewtonCurvature:
                             len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         real, module = model.real, model.step_modules[0]
-        self.looks = curvature_line_search.looks(real)()
+        self.looks = curvature_line_search.hinge_searches(real)()
         self.looks.own = self.cur.data.own
         self.looks.found = wp.zeros((table.size, curvature_line_search.COLUMNS), dtype=wp.float64, device=model.device)
-        self.hinges, self.moments, self.rows = (f(real, module) for f in (hessian.hinges, hessian.moments, hessian.spans))
-        self.angles, self.change = curvature_line_search.hinges(real, module), curvature_line_search.change(real, module)
-        self.sums = kernels.sums(real, module)
+        self.hinges, self.moments, self.rows = (f(real, module)
+                                                for f in (hessian.hinge_hessian_kernel, hessian.hinge_moment_kernel,
+                                                          hessian.curvature_span_kernel))
+        self.angles, self.change = (curvature_line_search.hinge_search_kernel(real, module),
+                                    curvature_line_search.curvature_change_kernel(real, module))
+        self.sums = kernels.curvature_sum_kernel(real, module)
 
     def room(self, element) -> None:
         """Arrays of what elements leave for their points."""

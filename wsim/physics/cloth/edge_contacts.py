@@ -1,9 +1,9 @@
 """Contacts of a cloth's edges and triangles with colliders that have sharp edges or corners: three launches behind the search
 of points, and one in each sweep of XPBD. Equations: kernels/cloth/edge_contact/sites.py.
 
-Cloths that collide with themselves meet colliders by their surfaces (`wsim.physics.selfcontact`), and have none of these. Nor
-have recordings with gradients, Newton's method, scenes with a `contact_width`, shapes of other places, meshes that are
-open or deform, and those with few creases (`wsim.scene.check.sharp`).
+Cloths that collide with themselves meet colliders by their surfaces (`wsim.physics.contact.selfcontact`), and have none of
+these. Nor have recordings with gradients, Newton's method, scenes with a `contact_width`, shapes of other places, meshes that
+are open or deform, and those with few creases (`wsim.scene.check.sharp`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import warp as wp
 from wsim.geometry import topology
 from wsim.kernels.cloth.edge_contact import gather, sites
 from wsim.kernels.math.real import types
-from wsim.model.structs import filled
-from wsim.scene.check.chord import breadth
+from wsim.model.structs import fill_struct
+from wsim.scene.check.chord import triangle_breadth
 from wsim.scene.check.sharp import has_edges
 
 MORE = 8               # contacts of a point beyond those of points; more are made room for, and the frame is repeated
@@ -25,15 +25,15 @@ EVERY = 2              # explicit substeps, which are short, of which one looks 
                        # ms a frame: none 12, each 22, of 2 17.5, of 4 16, of 8 15, and edges stand out by 1 mm at times
 
 
-def _lots(triangles: np.ndarray, size: int) -> np.ndarray:
+def _site_lots(triangles: np.ndarray, size: int) -> np.ndarray:
     """Sites of a body, (m, 3): its edges (i, j, j) and triangles, those that are near each other together; the last again until
     there are lots of `size`."""
-    corner = np.concatenate([topology.edges(triangles)[:, [0, 1, 1]], triangles])
+    corner = np.concatenate([topology.edges_of_triangles(triangles)[:, [0, 1, 1]], triangles])
     corner = corner[np.lexsort((np.arange(len(corner)), corner.min(axis=1)))]
     return np.pad(corner, ((0, -len(corner) % size), (0, 0)), "edge")
 
 
-def _members(corner: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+def _lot_members(corner: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     """First of each lot's points, and all of them."""
     lots = np.repeat(np.arange(len(corner) // size), 3 * size)
     pairs = np.unique(np.stack([lots, corner.ravel()], axis=1), axis=0)
@@ -44,42 +44,45 @@ class EdgeContacts:
     """Edges and triangles of the cloths of a model against the sharp colliders of its scene."""
 
     def __init__(self, model, contacts, short: bool):
-        """contacts: `wsim.physics.contact.contacts.Contacts`, of which those of sites are behind those of points; short:
-        steps are explicit."""
+        """contacts: `wsim.physics.contact.contacts.ColliderContacts`, of which those of sites are behind those of points;
+        short: steps are explicit."""
         self.model, self.contacts, rows = model, contacts, contacts.rows
         known = rows.sharp(np.array([has_edges(b.source) for b in model.bodies]))
         each = [np.flatnonzero(known[first:last]) + first for first, last in zip(rows.first[:-1], rows.first[1:], strict=True)]
         size = LOT if model.device.is_cpu else 1
-        made = [_lots(model.shared(b.triangles), size) for b, own in zip(model.bodies, each, strict=True) if len(own)]
-        corner, (lot, member) = np.concatenate(made), _members(np.concatenate(made), size)
-        start, site = topology.incident(corner, model.points)
+        made = [_site_lots(model.shared(b.triangles), size) for b, own in zip(model.bodies, each, strict=True) if len(own)]
+        corner, (lot, member) = np.concatenate(made), _lot_members(np.concatenate(made), size)
+        start, site = topology.incident_rows(corner, model.points)
         self.count, self.row, real, t = len(corner), np.concatenate(each).astype(int), model.real, types(model.real)
         up = model.upload
 
-        def zeros(n, dtype):
+        def site_zeros(n, dtype):
             return wp.zeros(n, dtype=dtype, device=model.device)
         many = max(map(len, each)) * model.points
-        self.data = filled(
-            sites.sharps(real), first=up(np.append(0, np.cumsum(list(map(len, each)))).astype(np.int32), int),
-            row=up(self.row.astype(np.int32), int), keep=zeros(len(self.row), real), corner=up(corner, wp.vec3i),
+        self.data = fill_struct(
+            sites.sharp_sites(real), first=up(np.append(0, np.cumsum(list(map(len, each)))).astype(np.int32), int),
+            row=up(self.row.astype(np.int32), int), keep=site_zeros(len(self.row), real), corner=up(corner, wp.vec3i),
             size=size, object=up(contacts.points.object.numpy()[corner[::size, 0]], int), lot=up(lot, int),
-            member=up(member, int), busy=zeros(len(lot) - 1, int), start=up(start.astype(np.int32), int),
+            member=up(member, int), busy=site_zeros(len(lot) - 1, int), start=up(start.astype(np.int32), int),
             site=up(site.astype(np.int32), int), points=model.points,
             every=EVERY if short else 1,
-            q=zeros(many, t.vec3), felt=zeros(many, t.vec4), side=zeros(many, int),
-            touched=zeros(model.points, int), begin=zeros(model.points, int),
-            met=up(np.full(self.count, -1, np.int32), int), beta=zeros(self.count, t.vec3),
-            n=zeros(self.count, t.vec3), u=zeros(self.count, t.vec3), base=zeros(self.count, real), C=zeros(self.count, t.vec2))
+            q=site_zeros(many, t.vec3), felt=site_zeros(many, t.vec4), side=site_zeros(many, int),
+            touched=site_zeros(model.points, int), begin=site_zeros(model.points, int),
+            met=up(np.full(self.count, -1, np.int32), int), beta=site_zeros(self.count, t.vec3),
+            n=site_zeros(self.count, t.vec3), u=site_zeros(self.count, t.vec3), base=site_zeros(self.count, real),
+            C=site_zeros(self.count, t.vec2))
         chord = np.zeros(len(rows.collider))
         for b, own in zip(model.bodies, each, strict=True):
-            chord[own] = breadth(b.rest, b.triangles - b.first) if len(own) else 0.0
+            chord[own] = triangle_breadth(b.rest, b.triangles - b.first) if len(own) else 0.0
         contacts.table.chord.assign(chord.astype(contacts.dtype))
         self.keep()
         contacts.edges = self                            # slots have room for numbers of sites
         contacts.grow(contacts.slots.capacity + MORE)
         kinds = tuple(k for k in contacts.kinds if k in {rows.kind[rows.collider[r]] for r in self.row})
-        self.kernels = (sites.feel(kinds, real, model.module), sites.find(kinds, real, model.module),
-                        gather.gather(real, model.module), None if short else gather.renew(real, model.module))
+        self.kernels = (sites.sharp_distance_kernel(kinds, real, model.module),
+                        sites.site_detection_kernel(kinds, real, model.module),
+                        gather.site_gather_kernel(real, model.module),
+                        None if short else gather.site_plane_kernel(real, model.module))
 
     def keep(self) -> None:
         """Distances that sites keep of colliders [m]: the authored ones. Edges need none of what hides chords."""

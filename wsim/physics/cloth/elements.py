@@ -13,20 +13,20 @@ import warp as wp
 from wsim.kernels.cloth import element
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.kind import SHEET, row
-from wsim.physics.cloth.table import table_of
+from wsim.physics.cloth.kind import SHEET, kind_row
+from wsim.physics.cloth.table import constraint_table
 
 if TYPE_CHECKING:
     pass
 
 
-class Elements:
+class CornerElements:
     """The elements of one kind of every body, on the device."""
 
     def __init__(self, model: Model, kind: str, rows: list[Constraints]):
-        self.model, self.kind, self.rows, self.row, self.first, self.damped = model, kind, rows, row(kind), 0, False
-        self.table = table = table_of(model, kind).relax()
-        self.ids, self.data = table.ids, element.elements(self.row.equation, model.real)()
+        self.model, self.kind, self.rows, self.row, self.first, self.damped = model, kind, rows, kind_row(kind), 0, False
+        self.table = table = constraint_table(model, kind).relax()
+        self.ids, self.data = table.ids, element.force_elements(self.row.equation, model.real)()
         for name in ("point", "rest", "tau"):
             setattr(self.data, name, getattr(table.data, name))
         self.data.stiffness = model.upload(self.stiffness(), table.entry)
@@ -55,12 +55,13 @@ class Elements:
         if self.curvature:
             from wsim.kernels.cloth import curvature
             self.curvature.need(stored=True)
-            self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
+            self.strained, self.kernel = (curvature.hinge_strain_kernel(real, module, damped),
+                                          curvature.hinge_force_kernel(real, module))
         elif self.row.equation.rows == 3:
-            self.kernel = element.corners(real=real, module=module, damped=damped)
+            self.kernel = element.membrane_force_kernel(real=real, module=module, damped=damped)
         else:
             from wsim.kernels.cloth import general
-            self.kernel = general.corners(self.row.equation, real, module, damped)
+            self.kernel = general.general_force_kernel(self.row.equation, real, module, damped)
 
     def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
         """Launches that evaluate the forces of the corners, in order."""
@@ -73,7 +74,7 @@ class Elements:
         return [*first, partial(launch, self.kernel, len(self.ids), read, [force])]
 
 
-class Solid:
+class SolidElements:
     """Tets of one material model."""
 
     def __init__(self, table):

@@ -26,38 +26,38 @@ from wsim.kernels.cloth.constraint import Constraint
 from wsim.scene import Cloth, Springs
 
 if TYPE_CHECKING:
-    from wsim.model.model import Body
+    from wsim.model.model import PointBody
     from wsim.physics.cloth.constraints import Constraints
 
-SPRINGS, SHEET, CORNERS = "springs", "sheet", "corners"        # how forces reach points, see `Kind.gather`
+SPRINGS, SHEET, CORNERS = "springs", "sheet", "corners"        # how forces reach points, see `ClothConstraintKind.gather`
 
 
 @dataclass(frozen=True)
-class Row:
+class KindRow:
     """module: that has the `KIND`; wanted: whether an object of the scene may have constraints of it."""
 
     module: str
     wanted: Callable[[Any], bool] = lambda source: True
 
 
-TABLE: dict[str, Row] = {
-    "tether": Row("wsim.physics.cloth.kinds.tether", lambda s: getattr(s, "tethers", False)),
-    "membrane": Row("wsim.physics.cloth.kinds.membrane", lambda s: isinstance(s, Cloth) and s.model == "membrane"),
-    "distance": Row("wsim.physics.cloth.kinds.distance", lambda s: isinstance(s, Springs) or (
+TABLE: dict[str, KindRow] = {
+    "tether": KindRow("wsim.physics.cloth.kinds.tether", lambda s: getattr(s, "tethers", False)),
+    "membrane": KindRow("wsim.physics.cloth.kinds.membrane", lambda s: isinstance(s, Cloth) and s.model == "membrane"),
+    "distance": KindRow("wsim.physics.cloth.kinds.distance", lambda s: isinstance(s, Springs) or (
         isinstance(s, Cloth) and s.model == "springs")),
-    "dihedral": Row("wsim.physics.cloth.kinds.dihedral", lambda s: isinstance(s, Cloth) and s.material.bend > 0.0),
-    "limit": Row("wsim.physics.cloth.kinds.limit", lambda s: isinstance(s, Cloth) and isfinite(s.material.strain_limit)),
+    "dihedral": KindRow("wsim.physics.cloth.kinds.dihedral", lambda s: isinstance(s, Cloth) and s.material.bend > 0.0),
+    "limit": KindRow("wsim.physics.cloth.kinds.limit", lambda s: isinstance(s, Cloth) and isfinite(s.material.strain_limit)),
 }
 
 
-def row(name: str) -> Kind:
+def kind_row(name: str) -> ClothConstraintKind:
     """Kind that a row of the table leads to."""
     return import_module(TABLE[name].module).KIND
 
 
-def named(names) -> list[Kind]:
+def named_kinds(names) -> list[ClothConstraintKind]:
     """Rows of the kinds of these names, in the order of the table."""
-    return [row(name) for name in TABLE if name in names]
+    return [kind_row(name) for name in TABLE if name in names]
 
 
 def soft_compliance(r: Constraints) -> np.ndarray:
@@ -66,19 +66,19 @@ def soft_compliance(r: Constraints) -> np.ndarray:
         return r.shape / next(iter(r.stiffness.values()))
 
 
-def evaluate(row: Constraint, points: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def evaluate_kind(row: Constraint, points: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """C (m,) and G (m, 1, n, 3) at points (m, n, 3) [m], of rest values (m,): by the formula itself, in float64 on the CPU."""
-    from wsim.kernels.cloth.general import evaluation
+    from wsim.kernels.cloth.general import constraint_probe_kernel
     count, m = len(points), row.points - 1
     X = wp.array(points[:, 1:] - points[:, :1], dtype=wp.types.matrix((m, 3), wp.float64), device="cpu")
     C, G = wp.zeros(count, dtype=wp.float64, device="cpu"), wp.zeros((count, m), dtype=wp.vec3d, device="cpu")
-    wp.launch(evaluation(row), count, [X, wp.array(rest, dtype=wp.float64, device="cpu")], [C, G], device="cpu")
+    wp.launch(constraint_probe_kernel(row), count, [X, wp.array(rest, dtype=wp.float64, device="cpu")], [C, G], device="cpu")
     others = G.numpy()
     return C.numpy(), np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)[:, None]
 
 
-def evaluated(r: Constraints, body: Body) -> np.ndarray:
-    return evaluate(r.row.equation, body.rest[r.ids - body.first], r.rest)[1]
+def kind_gradients(r: Constraints, body: PointBody) -> np.ndarray:
+    return evaluate_kind(r.row.equation, body.rest[r.ids - body.first], r.rest)[1]
 
 
 def of_stiffness(r: Constraints, name: str, by: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
@@ -95,7 +95,7 @@ def as_measured(shape: Any, r: Constraints, by_rest: np.ndarray, by_shape: np.nd
 
 
 @dataclass(frozen=True)
-class Kind:
+class ClothConstraintKind:
     """All that is asked of one kind.
 
     equation       formula, points, values of C, units, for kernels; unilateral: hard, without compliance and multiplier
@@ -112,17 +112,17 @@ class Kind:
     by_longest     (constraints, name, gradient by rest) -> by each one's stiffness, where rest values follow it
     at_rest        (`wsim.gradient.rest_shape.RestShape`, constraints, gradients by rest, by shape, by `Coupling.value`): adds
                    the gradient by where points are at rest
-    packets        True: explicit steps on a CPU take them in packets (`wsim.physics.motion.sheets`)
+    packets        True: explicit steps on a CPU take them in packets (`wsim.physics.motion.fast_paths.simd_sheets`)
     """
 
     equation: Constraint
-    of: Callable[[Body, np.ndarray], list[Constraints]]
+    of: Callable[[PointBody, np.ndarray], list[Constraints]]
     gather: str = CORNERS
     weight: float = 4.0
     held: str = ""
     compliance: Callable[[Constraints], np.ndarray] = soft_compliance
     longest: Callable[[Constraints], np.ndarray] | None = None
-    slopes: Callable[[Constraints, Body], np.ndarray] = evaluated
+    slopes: Callable[[Constraints, PointBody], np.ndarray] = kind_gradients
     by_stiffness: Callable[..., np.ndarray] = of_stiffness
     by_compliance: Callable[..., np.ndarray] = of_compliance
     by_longest: Callable[..., np.ndarray] | None = None

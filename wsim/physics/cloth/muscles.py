@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth import muscle as kernels
-from wsim.model.model import Body, Model
+from wsim.model.model import Model, PointBody
 from wsim.model.stage import Clock, Method, Methods, Ports, Stage
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class _Muscle:
     """The muscles of one net of one world: their curve, and columns of the table."""
 
-    def __init__(self, body: Body, first: int):
+    def __init__(self, body: PointBody, first: int):
         assert isinstance(body.source, Springs) and body.source.actuation is not None
         self.body, self.source, self.curve = body, body.source, body.source.actuation
         self.columns = slice(first, first + self.curve.values.shape[1])
@@ -88,7 +88,7 @@ class Muscles(Method):
         self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
         self.watch: Any = None               # how long edges may become
         self.offers = Ports(muscles=self)
-        self.contract = kernels.contract(model.real, model.module)
+        self.contract = kernels.muscle_contraction_kernel(model.real, model.module)
         self.make(clock)
 
     def make(self, clock: Clock) -> None:
@@ -107,7 +107,8 @@ class Muscles(Method):
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
     def meet(self, others: Methods) -> None:
-        """Takes the springs of the method that solves for them, and who watches edges (`wsim.physics.motion.overstretch`)."""
+        """Takes the springs of the method that solves for them, and who watches edges
+        (`wsim.physics.motion.divergence_monitor`)."""
         self.watch = others.ports.stretch_watch
         if self.watch:
             self.watch.follow(self.longest)
@@ -130,9 +131,9 @@ class Muscles(Method):
         """Stage for solvers whose forces of a substep are at one time."""
         size = np.dtype(self.model.dtype).itemsize
 
-        def act(clock: Clock) -> None:
+        def act_muscles(clock: Clock) -> None:
             self.act(clock.k)
-        self.stages.append(Stage("muscles", "pose", act, len(self.sites), springs * (4 + 2 * size),
+        self.stages.append(Stage("muscles", "pose", act_muscles, len(self.sites), springs * (4 + 2 * size),
                                  what=f"{self.groups} groups"))
 
     def act(self, row: int) -> None:
@@ -201,10 +202,10 @@ class Muscles(Method):
 
     def present(self, rows: list[Constraints], time: float | None = None) -> list[Constraints]:
         """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
-        factor = self.factors(time)
+        factor = self.muscle_factors(time)
         return [r if r.row.gather != SPRINGS else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
 
-    def factors(self, time: float | None = None) -> np.ndarray:
+    def muscle_factors(self, time: float | None = None) -> np.ndarray:
         """Factors of each column, as `present`."""
         found = np.ones(self.groups + 1)
         for m in self.muscles:
@@ -214,9 +215,9 @@ class Muscles(Method):
     def finish(self) -> None:
         """Puts the lengths at the end of the last frame; its last stage may have had others."""
         for s in self.sites:
-            s.length.assign(s.rest.numpy() * self.factors()[s.column.numpy()].astype(self.model.dtype))
+            s.length.assign(s.rest.numpy() * self.muscle_factors()[s.column.numpy()].astype(self.model.dtype))
 
-    def longest(self, body: Body) -> np.ndarray | float:
+    def longest(self, body: PointBody) -> np.ndarray | float:
         """Largest factor, but at least 1, that each edge of a body ever has, (m,)."""
         for m in self.muscles:
             if m.body is body:

@@ -17,7 +17,8 @@ class SiteAdjoint:
         first = np.searchsorted(column[order], np.arange(groups + 1))
         self.item, self.first = model.upload(order.astype(np.int32), int), model.upload(first.astype(np.int32), int)
         self.share = wp.zeros(groups * kernels.LANES, dtype=model.real, device=model.device)
-        self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
+        self.shares, self.release = (kernels.muscle_share_kernel(model.real, model.module),
+                                     kernels.muscle_release_kernel(model.real, model.module))
 
     def hand(self, launch: Callable, factor: wp.array, row: int) -> None:
         """Passes from the gradient of the lengths of a row to those of the factors and of the lengths without muscles."""

@@ -11,59 +11,59 @@ from dataclasses import replace
 
 import numpy as np
 
-from wsim.geometry.tetra.tets import volumes
-from wsim.geometry.triangulate import triangulate
-from wsim.model.midnodes import lumped, spread
-from wsim.model.model import Body, Model, hard_places
-from wsim.physics.cloth.constraints import of_body, renew, rows_of
+from wsim.geometry.tetra.tets import signed_tet_volumes
+from wsim.geometry.triangulate import triangulate_polygons
+from wsim.model.midnodes import lump_node_masses, with_midnode_values
+from wsim.model.model import Model, PointBody, hard_places
+from wsim.physics.cloth.constraints import constraints_of_body, of_body, renew_rest_values
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
-from wsim.scene.nodal.masses import cloth_masses, density_of, loose, soft_masses, soft_weights
+from wsim.scene.nodal.masses import cloth_masses, fill_loose_masses, single_density, soft_masses, soft_weights
 
 
-def rest_shape(body: Body) -> np.ndarray:
+def current_rest_shape(body: PointBody) -> np.ndarray:
     """(n, 3) [m] about its mean; points that are one particle have one place. Raises SceneError where there is none."""
     if isinstance(body.source, Springs) and body.source.lengths is not None:
         raise SceneError(Problem(body.path, "its springs have rest lengths of their own, and no rest shape; take lengths"))
     return body.rest[body.own - body.first]
 
 
-def reshape(model: Model, name: str, values, bodies: list[Body], densities: dict[int, float]) -> None:
+def reshape_bodies(model: Model, name: str, values, bodies: list[PointBody], densities: dict[int, float]) -> None:
     """Changes bodies; densities: those that were set, by number. Raises SceneError before anything is changed."""
-    values, change = np.asarray(values, np.float64), {"rest_shape": shaped, "lengths": stretched}[name]
+    values, change = np.asarray(values, np.float64), {"rest_shape": body_with_rest_shape, "lengths": body_with_lengths}[name]
     found = [(b, change(b, values)) for b in bodies]
     pinned, again = hard_places(model), []
     for before, after in found:
-        before_rows, after_rows = of_body(model, before), rows_of(after, pinned)
+        before_rows, after_rows = of_body(model, before), constraints_of_body(after, pinned)
         again.append((before_rows, after_rows))
         alike = len(before_rows) == len(after_rows) and all(np.array_equal(r.ids, s.ids)
                                                             for r, s in zip(before_rows, after_rows, strict=False))
-        if not alike or (len(after.tets) and not (volumes(after.rest, after.tets[:, :4] - after.first) > 0.0).all()):
+        if not alike or (len(after.tets) and not (signed_tet_volumes(after.rest, after.tets[:, :4] - after.first) > 0.0).all()):
             raise SceneError(Problem(before.path, f"{name}: an edge, triangle or tet has no size (or is inside out), or a "
                                      "tether leads to another pin; give other values, or make another Simulation of them"))
         if model.alias is not None and (after.masses != before.masses).any():
             raise SceneError(Problem(before.path, f"{name} changes masses of points that bodies share; give points masses, or "
                                      "make another Simulation"))
     for body, after in found:
-        factor = densities[body.number] / (density_of(body.source) or 1.0) if body.number in densities else 1.0
+        factor = densities[body.number] / (single_density(body.source) or 1.0) if body.number in densities else 1.0
         body.source, body.rest = after.source, after.rest
         if after.masses is not body.masses:
             body.masses = factor * after.masses
     for rows, new in again:
-        renew(rows, new)
+        renew_rest_values(rows, new)
 
 
-def shaped(body: Body, points: np.ndarray) -> Body:
+def body_with_rest_shape(body: PointBody, points: np.ndarray) -> PointBody:
     if points.shape != (len(body.own), 3) or not np.isfinite(points).all():
         raise SceneError(Problem(body.path, f"rest_shape must be finite with shape ({len(body.own)}, 3); found {points.shape}"))
-    rest_shape(body)
+    current_rest_shape(body)
     points, rest = points - points.mean(axis=0), body.rest.copy()
-    rest[body.middles - body.first] = spread(points, body.ends)[len(points):]
+    rest[body.middles - body.first] = with_midnode_values(points, body.ends)[len(points):]
     rest[body.own[::-1] - body.first] = points[::-1]                  # of a weld the first
     masses = masses_of(body, points)
     return replace(body, rest=rest, masses=body.masses if masses is None else masses)
 
 
-def stretched(body: Body, lengths: np.ndarray) -> Body:
+def body_with_lengths(body: PointBody, lengths: np.ndarray) -> PointBody:
     if not isinstance(body.source, Springs) or lengths.shape != (len(body.edges),) or not (lengths > 0.0).all() \
             or not np.isfinite(lengths).all():
         raise SceneError(Problem(body.path, "lengths are those of a spring net: finite, > 0, with shape "
@@ -73,26 +73,26 @@ def stretched(body: Body, lengths: np.ndarray) -> Body:
     return replace(body, source=source)
 
 
-def masses_of(body: Body, rest: np.ndarray) -> np.ndarray | None:
+def masses_of(body: PointBody, rest: np.ndarray) -> np.ndarray | None:
     """Masses of the particles [kg], (points,), from the author's points at rest; None where they follow nothing."""
     source = body.source
     if isinstance(source, Springs) or (source.masses is not None and not len(body.middles)):
         return None
     if isinstance(source, Soft):
         masses, _ = soft_masses(source, rest)
-        masses = lumped(masses, soft_weights(source), rest, source.tets)[0] if len(body.middles) else masses
+        masses = lump_node_masses(masses, soft_weights(source), rest, source.tets)[0] if len(body.middles) else masses
     else:
         masses = cloth_masses(source, triangles_of(source), rest)
     masses = np.bincount(np.concatenate([body.own, body.middles]) - body.first, masses, body.count)
-    return loose(masses, body.triangles - body.first)[0] if isinstance(source, Cloth) else masses
+    return fill_loose_masses(masses, body.triangles - body.first)[0] if isinstance(source, Cloth) else masses
 
 
 def triangles_of(cloth: Cloth) -> np.ndarray:
     """Author's points of the triangles that its polygons are cut into, (t, 3)."""
-    return triangulate(cloth.points, cloth.counts, cloth.indices)[0]
+    return triangulate_polygons(cloth.points, cloth.counts, cloth.indices)[0]
 
 
-def written(thing: Cloth | Springs | Soft, name: str, values: np.ndarray):
+def object_with_rest(thing: Cloth | Springs | Soft, name: str, values: np.ndarray):
     """A scene's object with a rest shape (n, 3) or lengths (edges,) or (edges, 1). A shape is moved to where it was."""
     if isinstance(thing, Springs):
         new = replace(thing)

@@ -15,21 +15,21 @@ from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.model import Model
-from wsim.model.state import State
+from wsim.model.state import SimulationState
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS, named, row
+from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS, kind_row, named_kinds
 
 ORDER = (SPRINGS, SHEET, CORNERS)      # of kinds in a step of Newton's method
 LANES = 4096          # threads that sum an energy
 
 
-class Table:
+class ConstraintTable:
     """All constraints of one kind, in the order of the bodies or as `order` says: row at each place."""
 
     uniform = False       # whether compliance and relaxation time have one entry for all
 
     def __init__(self, model: Model, kind: str, rows: list[Constraints], order: np.ndarray | None = None):
-        self.model, self.kind, self.rows, self.row = model, kind, rows, row(kind)
+        self.model, self.kind, self.rows, self.row = model, kind, rows, kind_row(kind)
         self.order: Any = slice(None) if order is None else order
         ids = np.concatenate([r.ids for r in rows]).astype(np.int32)[self.order]
         self.ids, t = model.shared(ids) if order is None else ids, types(model.real)
@@ -44,19 +44,19 @@ class Table:
         self.data.rest = model.upload(rest, t.mat22 if self.matrices else t.scalar)
         self.seen = self.now()
 
-    def comply(self) -> "Table":
+    def add_compliances(self) -> "ConstraintTable":
         """The table with compliances, which forces of explicit steps do not need."""
         if self.data.alpha is None:
             self.data.alpha = self.send(self.values()[0], self.entry)
         return self
 
-    def relax(self) -> "Table":
+    def relax(self) -> "ConstraintTable":
         """The table with relaxation times."""
         if self.data.tau is None:
             self.data.tau = self.send(self.values()[1], self.model.real)
         return self
 
-    def bend(self, apart: bool = False) -> "Table":
+    def bend(self, apart: bool = False) -> "ConstraintTable":
         """Hinges with the curvatures that they make; apart: the model's module gets no kernel for that."""
         if self.curvature is None and self.row.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
@@ -104,15 +104,15 @@ class Table:
 
     def energy_kernels(self, module: str) -> list:
         """Kernels that `energy` launches, made in that module."""
-        from wsim.kernels.cloth.energy import statistics
+        from wsim.kernels.cloth.energy import strain_statistics_kernel
         return self.curvature.energy_kernels(module) if self.curvature else [
-            statistics(self.row.equation, real=self.model.real, module=module, uniform=self.uniform)]
+            strain_statistics_kernel(self.row.equation, real=self.model.real, module=module, uniform=self.uniform)]
 
-    def energy(self, state: State, module: str, rest: wp.array | None = None) -> float:
+    def energy(self, state: SimulationState, module: str, rest: wp.array | None = None) -> float:
         """Elastic energy [J] at x + e, summed in float64: 1/2 C alpha^-1 C; of hinges that of the curvatures of triangles.
         rest: values in place of those of the table. Few are summed on the host; kernels of that module are compiled when first
         asked for."""
-        self.comply().bend(apart=True)
+        self.add_compliances().bend(apart=True)
         model, data = self.model, self.data
         if self.few:
             return self.stored(state, rest)
@@ -123,7 +123,7 @@ class Table:
             data.point, data.rest, data.alpha, data.w = self.data.point, rest, self.data.alpha, self.data.w
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=model.device)
         (kernel,) = self.energy_kernels(module)
-        kernel_cache.ready(kernel, model)
+        kernel_cache.load_module_of_kernel(kernel, model)
         model.launch(kernel, out.size, [data, state.x, self.size, 1, state.e], [out])
         return float(out.numpy()[:, 2].sum())
 
@@ -133,7 +133,7 @@ class Table:
         from wsim.physics.cloth.kinds import stored
         return self.size <= stored.FEW and (self.row.gather == SHEET or self.kind in stored.KINDS)
 
-    def stored(self, state: State, rest: wp.array | None) -> float:
+    def stored(self, state: SimulationState, rest: wp.array | None) -> float:
         """`energy` in NumPy."""
         from wsim.physics.cloth.kinds import stored
         x = state.x.numpy().astype(np.float64) + state.e.numpy()
@@ -157,30 +157,30 @@ class Table:
         equation, real, module = self.row.equation, self.model.real, self.model.step_modules[0]
         if equation.rows == 3:
             from wsim.kernels.cloth import hessian
-            self.kernel, self.at = hessian.triangles(real, module), force
+            self.kernel, self.at = hessian.membrane_hessian_kernel(real, module), force
             return
         from wsim.kernels.cloth import general
-        self.kernel, self.at = general.element(equation, real, module), wp.vec2i(force, block)
+        self.kernel, self.at = general.general_element_kernel(equation, real, module), wp.vec2i(force, block)
 
     def linearise(self, x: wp.array, d: wp.array, a: wp.array, rate: float, element) -> None:
         """Forces on the corners of elements and blocks of pairs, at x + d with the anchor a."""
         self.model.launch(self.kernel, self.size, [self.data, x, d, a, rate, self.at], [element])
 
 
-def table_of(model: Model, kind: str) -> Table:
+def constraint_table(model: Model, kind: str) -> ConstraintTable:
     """The table of a kind in the order of the bodies, one for all who read it."""
     if kind not in model.tables:
-        model.tables[kind] = Table(model, kind, [r for r in model.constraints if r.kind == kind])
+        model.tables[kind] = ConstraintTable(model, kind, [r for r in model.constraints if r.kind == kind])
     return model.tables[kind]
 
 
-def tables_of(model: Model, rows: list[Constraints]) -> dict[str, Table]:
+def constraint_tables(model: Model, rows: list[Constraints]) -> dict[str, ConstraintTable]:
     """Tables of the kinds of some rows: springs, hinges, then elements, membranes first."""
-    kinds = sorted(named({r.kind for r in rows}), key=lambda kind: (ORDER.index(kind.gather), kind.equation.rows == 1))
-    return {kind.name: table_of(model, kind.name).comply().relax().bend() for kind in kinds}
+    kinds = sorted(named_kinds({r.kind for r in rows}), key=lambda kind: (ORDER.index(kind.gather), kind.equation.rows == 1))
+    return {kind.name: constraint_table(model, kind.name).add_compliances().relax().bend() for kind in kinds}
 
 
-def bending_of(model: Model, tables: list[Table]) -> Any:
+def bending_of(model: Model, tables: list[ConstraintTable]) -> Any:
     """`wsim.physics.cloth.curvature_newton.NewtonCurvature` of the table of hinges, or None."""
     if not tables:
         return None
@@ -188,11 +188,11 @@ def bending_of(model: Model, tables: list[Table]) -> Any:
     return NewtonCurvature(model, tables[0])
 
 
-def energy(model: Model, rows: list[Constraints], state: State) -> float:
+def stored_energy(model: Model, rows: list[Constraints], state: SimulationState) -> float:
     """Energy [J] of the soft rows at x + e, with the rest values that they have: muscles give springs others."""
     total = 0.0
     for kind in sorted({r.kind for r in rows if not r.hard}):
-        table, mine = table_of(model, kind), [r for r in rows if r.kind == kind]
+        table, mine = constraint_table(model, kind), [r for r in rows if r.kind == kind]
         table.refresh()
         other = any(a is not b for a, b in zip(mine, table.rows, strict=True))
         rest = model.upload(np.concatenate([r.rest for r in mine]), table.data.rest.dtype) if other else None

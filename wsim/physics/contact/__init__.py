@@ -1,6 +1,6 @@
-"""Contact machinery: points against colliders (`Contacts`), and its stages in a plan (`Contact`)."""
+"""Contact machinery: points against colliders (`ColliderContacts`), and its stages in a plan (`ContactMethod`)."""
 
-from wsim.physics.contact.contacts import Bodies, Contacts
-from wsim.physics.contact.method import Contact
+from wsim.physics.contact.contacts import CollidablePoints, ColliderContacts
+from wsim.physics.contact.method import ContactMethod
 
-__all__ = ["Bodies", "Contact", "Contacts"]
+__all__ = ["CollidablePoints", "ContactMethod", "ColliderContacts"]

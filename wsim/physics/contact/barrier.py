@@ -18,26 +18,26 @@ import numpy as np
 
 from wsim.scene import Scene, Surface
 from wsim.scene.check import signed_distance
-from wsim.scene.methods import carried
-from wsim.scene.solids import row
+from wsim.scene.methods import method_colliders
+from wsim.scene.solids import shape_row
 
 MARGIN = 1.5
 LEAST = 5e-3           # [m^2/s^2] where nothing falls or moves at first: 0.1 m/s
 
 
-def width(scene: Scene) -> float:
+def barrier_width(scene: Scene) -> float:
     """Distance over which contacts of a scene are soft [m]; 0: they are hard."""
-    return 0.0 if carried(scene) else scene.contact_width
+    return 0.0 if method_colliders(scene) else scene.contact_width
 
 
-def energy(scene: Scene) -> float:
+def contact_energy_scale(scene: Scene) -> float:
     """E [m^2/s^2]."""
     g, H, v = float(np.linalg.norm(scene.gravity)), 0.0, 0.0
     for body in scene.bodies():
         points = body.motion.points(body.points)
         for collider in scene.colliders:
-            if not isinstance(collider.shape, Surface) and isinf(row(collider.shape).ball(collider.shape)):
-                away = np.abs(signed_distance.distance(collider, points, 0.0))
+            if not isinstance(collider.shape, Surface) and isinf(shape_row(collider.shape).ball(collider.shape)):
+                away = np.abs(signed_distance.collider_signed_distance(collider, points, 0.0))
             else:
                 M, own = collider.motion.at(0.0), np.zeros(3)
                 if isinstance(collider.shape, Surface):
@@ -47,10 +47,10 @@ def energy(scene: Scene) -> float:
         if body.velocities is not None:
             v = max(v, float(np.linalg.norm(body.velocities, axis=1).max(initial=0.0)))
     fallen = min(g * H, 0.5 * (g * max(scene.frames, 1) / scene.fps)**2)
-    return max(MARGIN * (0.5 * (v + _moves(scene))**2 + fallen), LEAST)
+    return max(MARGIN * (0.5 * (v + _fastest_collider_speed(scene))**2 + fallen), LEAST)
 
 
-def _moves(scene: Scene) -> float:
+def _fastest_collider_speed(scene: Scene) -> float:
     """Fastest speed of a collider's origin [m/s]."""
     fastest = 0.0
     for collider in scene.colliders:
@@ -61,9 +61,9 @@ def _moves(scene: Scene) -> float:
     return fastest
 
 
-def stiffness(scene: Scene) -> float:
+def barrier_stiffness(scene: Scene) -> float:
     """Stiffness of a point over its mass [1/s^2], of two colliders at once where there are as many; 0 where contacts are
     hard."""
-    if not (scene.colliders and width(scene) > 0.0):
+    if not (scene.colliders and barrier_width(scene) > 0.0):
         return 0.0
-    return min(len(scene.colliders), 2) * 6.0 * energy(scene) / scene.contact_width**2
+    return min(len(scene.colliders), 2) * 6.0 * contact_energy_scale(scene) / scene.contact_width**2

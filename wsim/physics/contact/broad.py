@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim.kernels.contact import search as kernels
 from wsim.kernels.contact.candidates import MOST
-from wsim.physics.contact.colliders import Rows
+from wsim.physics.contact.colliders import ColliderRowTable
 
 ROOM, WIDE = 16, 48    # faces of a list at first, of explicit steps and of others; MOST at last
 EVERY = 32             # substeps of a list. H100, the shirt on its dummy, 1122 substeps a frame, ms: 8 69.8, 32 65.1, 128 73.5;
@@ -23,50 +23,50 @@ OFTEN = 8              # of one where substeps are long: it holds what a point m
                        # 108 substeps, its frames with most contacts, CPU-ms: 32 60, 16 51, 8 50, 4 54
 
 
-class Tree:
-    """Tree of the rows of a table (`wsim.kernels.contact.project.tables`)."""
+class ColliderTree:
+    """Tree of the rows of a table (`wsim.kernels.contact.project.contact_tables`)."""
 
-    def __init__(self, rows: Rows, table, device, real, module):
+    def __init__(self, rows: ColliderRowTable, table, device, real, module):
         self.table, self.real = table, real
-        self.boxes, self.roots = kernels.boxes(real, module), kernels.roots(module)
+        self.boxes, self.roots = kernels.ball_box_kernel(real, module), kernels.tree_root_kernel(module)
         objects = np.repeat(np.arange(len(rows.first) - 1), np.diff(rows.first)).astype(np.int32)
         finite = np.isfinite(rows.radius)[rows.collider]
         leaf, endless = np.flatnonzero(finite).astype(np.int32), np.flatnonzero(~finite).astype(np.int32)
 
-        def array(values):
+        def upload_tree_rows(values):
             return wp.array(values, dtype=int, device=device)
-        table.leaf, table.endless = array(leaf), array(endless)
-        table.start = array(np.searchsorted(endless, rows.first).astype(np.int32))
+        table.leaf, table.endless = upload_tree_rows(leaf), upload_tree_rows(endless)
+        table.start = upload_tree_rows(np.searchsorted(endless, rows.first).astype(np.int32))
         table.root = wp.zeros(len(rows.first) - 1, dtype=int, device=device)
-        self.groups = array(objects[leaf])
+        self.groups = upload_tree_rows(objects[leaf])
         self.low, self.high = (wp.zeros(len(leaf), dtype=wp.vec3f, device=device) for _ in range(2))
         self.bvh: wp.Bvh | None = None
 
     def build(self, launch: Callable) -> None:
         """Builds the tree before the first frame; not captured."""
         if self.bvh is None:
-            self._boxes(launch, 0)
+            self._fit_tree_boxes(launch, 0)
             self.bvh = wp.Bvh(self.low, self.high, groups=self.groups)
             self.table.tree = self.bvh.id
 
     def fit(self, launch: Callable, k: int) -> None:
         """Fits the tree to the balls of substep k; capturable."""
         assert self.bvh is not None
-        self._boxes(launch, k)
+        self._fit_tree_boxes(launch, k)
         if k == 0:
             self.bvh.rebuild()
             launch(self.roots, len(self.table.root), [self.table.tree], [self.table.root])
         else:
             self.bvh.refit()
 
-    def _boxes(self, launch: Callable, k: int) -> None:
+    def _fit_tree_boxes(self, launch: Callable, k: int) -> None:
         launch(self.boxes, len(self.low), [self.table, k], [self.low, self.high])
 
 
-def listed(contacts, room: int = ROOM, every: int = EVERY) -> None:
-    """Lets the search of `contacts` (`wsim.physics.contact.contacts.Contacts`) list faces, where an object has meshes: for
-    substeps that are many and short. room: for faces of a list; every: substeps of it."""
-    size = _meshes_of(contacts)
+def use_face_lists(contacts, room: int = ROOM, every: int = EVERY) -> None:
+    """Lets the search of `contacts` (`wsim.physics.contact.contacts.ColliderContacts`) list faces, where an object has meshes:
+    for substeps that are many and short. room: for faces of a list; every: substeps of it."""
+    size = _number_object_meshes(contacts)
     if not size:
         return
     p, device = contacts.points, contacts.device
@@ -74,23 +74,23 @@ def listed(contacts, room: int = ROOM, every: int = EVERY) -> None:
     p.count, p.place = (wp.zeros(size, dtype=kind, device=device) for kind in (int, wp.vec3f))
     p.radius = wp.full(size, -1.0, dtype=float, device=device)
     p.wanted = wp.zeros(1, dtype=int, device=device)
-    roomier(p, room)
-    contacts.searches(listed=True)
+    grow_face_lists(p, room)
+    contacts.make_search_kernel(listed=True)
 
 
-def cleared(contacts) -> None:
+def skip_far_meshes(contacts) -> None:
     """Lets the search of `contacts` pass over meshes that a point is known to be far from: for a CPU, which lists save nothing
     there (bone_cape 47 CPU-ms a frame against 41, caped_man 80 against 65)."""
-    p, size = contacts.points, _meshes_of(contacts)
+    p, size = contacts.points, _number_object_meshes(contacts)
     if size and contacts.tree is None:
         device = contacts.device
         p.count, p.place = (wp.zeros(size, dtype=kind, device=device) for kind in (int, wp.vec3f))
         p.radius = wp.zeros(size, dtype=float, device=device)
         contacts.cleared = True
-        contacts.searches()
+        contacts.make_search_kernel()
 
 
-def _meshes_of(contacts) -> int:
+def _number_object_meshes(contacts) -> int:
     """Numbers the meshes of each object; slots of all points."""
     rows = contacts.rows
     slot = np.full(len(rows.collider), -1, np.int32)
@@ -101,9 +101,9 @@ def _meshes_of(contacts) -> int:
     return (int(slot.max(initial=-1)) + 1) * contacts.count
 
 
-def roomier(p, wanted: int) -> bool:
-    """Gives lists of points (`wsim.kernels.contact.project.tables`) room for as many faces as were wanted, MOST at most; False
-    where they have as much."""
+def grow_face_lists(p, wanted: int) -> bool:
+    """Gives lists of points (`wsim.kernels.contact.project.contact_tables`) room for as many faces as were wanted, MOST at
+    most; False where they have as much."""
     room = min(wanted, MOST)
     if room <= p.room:
         return False

@@ -10,24 +10,24 @@ from math import inf
 
 import numpy as np
 
-from wsim.geometry.rotation import quaternion
-from wsim.physics.contact.mesh import Mesh
+from wsim.geometry.rotation import matrix_quat
+from wsim.physics.contact.collider.mesh import ColliderMesh
 from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check import chord
-from wsim.scene.check.sharp import sharp
-from wsim.scene.solids import row
+from wsim.scene.check.sharp import has_sharp_edges
+from wsim.scene.solids import shape_row
 
 RIGID = 1e-4           # how far a collider's axes may be from orthonormal: float32 matrices of a stage reach 1e-6
 
 
-def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, float, float], float]:
+def collider_kernel_size(collider: Collider, mesh: ColliderMesh | None) -> tuple[str, tuple[float, float, float], float]:
     """Kind, sizes as the kernels have them and radius of the bounding ball about the shape's own origin [m].
     Raises SceneError naming the collider whose size is not positive and finite."""
     shape = collider.shape
     if isinstance(shape, Surface):
         assert mesh is not None
         return ("solid" if mesh.closed else "sheet"), (mesh.depth, 0.0, 0.0), mesh.radius
-    solid = row(shape)
+    solid = shape_row(shape)
     found, ball = solid.lengths(shape), solid.ball(shape)
     least = [v for name, value in solid.named(shape).items() if name not in solid.vanishing for v in np.atleast_1d(value)]
     if not (np.isfinite(found).all() and min(least, default=1.0) > 0.0 and min(found, default=0.0) >= 0.0):
@@ -36,7 +36,7 @@ def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, floa
     return solid.kind, solid.size(shape), ball
 
 
-def check(collider: Collider) -> None:
+def check_collider_values(collider: Collider) -> None:
     """Raises SceneError where friction, thickness, restitution or motion of a collider make no sense."""
     for name in ("static_friction", "dynamic_friction", "thickness"):
         value = getattr(collider, name)
@@ -52,11 +52,11 @@ def check(collider: Collider) -> None:
 
 
 @dataclass
-class Rows:
+class ColliderRowTable:
     """Columns of the table; `collider[r]` numbers `colliders`, the distinct ones."""
 
     colliders: list[Collider]            # copies: a live parameter does not change the scene
-    meshes: list[Mesh | None]            # of each distinct collider
+    meshes: list[ColliderMesh | None]    # of each distinct collider
     first: np.ndarray                    # (objects + 1,) int32
     collider: np.ndarray                 # (rows,) int
     origin: np.ndarray                   # of each row's object [m], (rows, 3)
@@ -65,43 +65,45 @@ class Rows:
     radius: np.ndarray                   # of the bounding ball [m], (distinct,)
 
     @staticmethod
-    def build(of_objects: list[list[Collider]], origins: np.ndarray, meshes: dict[int, Mesh]) -> "Rows":
+    def build(of_objects: list[list[Collider]], origins: np.ndarray, meshes: dict[int, ColliderMesh]) -> "ColliderRowTable":
         """of_objects: colliders of each object; origins [m], (objects, 3); meshes by id of their Surface."""
         number: dict[int, int] = {}
         distinct: list[Collider] = []
         for collider in (c for group in of_objects for c in group):
             if number.setdefault(id(collider), len(distinct)) == len(distinct):
-                check(collider)
+                check_collider_values(collider)
                 distinct.append(replace(collider))
         counts = [len(group) for group in of_objects]
         found = [meshes.get(id(c.shape)) for c in distinct]
-        shapes = [sizes(c, m) for c, m in zip(distinct, found, strict=True)]
-        return Rows(distinct, found, np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
-                    np.array([number[id(c)] for group in of_objects for c in group], np.int64),
-                    np.repeat(np.asarray(origins, np.float64).reshape(-1, 3), counts, axis=0),
-                    [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
-                    np.array([s[2] for s in shapes], np.float64))
+        shapes = [collider_kernel_size(c, m) for c, m in zip(distinct, found, strict=True)]
+        return ColliderRowTable(distinct, found, np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+                                np.array([number[id(c)] for group in of_objects for c in group], np.int64),
+                                np.repeat(np.asarray(origins, np.float64).reshape(-1, 3), counts, axis=0),
+                                [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
+                                np.array([s[2] for s in shapes], np.float64))
 
     def live(self, breadth: np.ndarray, reach: np.ndarray, whole: np.ndarray | None = None,
              edged: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs. breadth and reach [m] of
         objects, (objects,): what `wsim.scene.check.chord` takes where no thickness is authored. whole: objects of which no
         chord cuts into a mesh, (objects,). edged: rows whose object meets them by its edges, (rows,)."""
-        radius = [chord.radius(c) if c.thickness is None else inf for c in self.colliders]
+        radius = [chord.least_curvature_radius(c) if c.thickness is None else inf for c in self.colliders]
         least = [0.0 if m is None else m.least_gap for m in self.meshes]
         objects = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
         gap = []
         for r, (o, k) in enumerate(zip(objects, self.collider, strict=True)):
             own, met = self.colliders[k].thickness, whole is not None and whole[o] and self.meshes[k] is not None
             met = met or (edged is not None and bool(edged[r]))
-            gap.append(max(least[k], (0.0 if met else chord.hidden(breadth[o], radius[k]) - reach[o]) if own is None else own))
+            gap.append(max(least[k],
+                           (0.0 if met else chord.chord_sagitta(breadth[o], radius[k]) - reach[o]) if own is None else own))
         friction = np.array([(c.static_friction, c.dynamic_friction) for c in self.colliders]).reshape(-1, 2)
         return np.array(gap, np.float64), friction[self.collider]
 
     def sharp(self, edged: np.ndarray | None) -> np.ndarray:
         """Rows of sharp colliders (`wsim.scene.check.sharp`) and objects whose edges meet them, (rows,). edged: these objects,
         (objects,), or None."""
-        known = np.array([edged is not None and edged.any() and sharp(c) for c in self.colliders], bool)[self.collider]
+        known = np.array([edged is not None and edged.any() and has_sharp_edges(c) for c in self.colliders],
+                         bool)[self.collider]
         return known if edged is None else known & np.repeat(edged, np.diff(self.first))
 
     def of(self, path: str, objects: list[int]) -> list[int]:
@@ -133,9 +135,9 @@ class Rows:
     def _turns(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Quaternions of rotations (n, ..., 3, 3), and of what leads from each to the next, of one of them where none turns."""
         if (R[1:] == R[:1]).all():
-            both = quaternion(np.stack([R[0], R[0] @ np.swapaxes(R[0], -1, -2)]))
+            both = matrix_quat(np.stack([R[0], R[0] @ np.swapaxes(R[0], -1, -2)]))
             return np.broadcast_to(both[0], (len(R), *both[0].shape)), np.broadcast_to(both[1], (len(R) - 1, *both[1].shape))
-        both = quaternion(np.concatenate([R, R[1:] @ np.swapaxes(R[:-1], -1, -2)]))
+        both = matrix_quat(np.concatenate([R, R[1:] @ np.swapaxes(R[:-1], -1, -2)]))
         return both[:len(R)], both[len(R):]
 
     def poses(self, times: np.ndarray, number: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

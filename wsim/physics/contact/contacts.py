@@ -22,14 +22,15 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.contact import project as kernels
-from wsim.kernels.contact import search, shape
-from wsim.kernels.contact.collide import code
+from wsim.kernels.contact import search
+from wsim.kernels.contact.collide import collider_kind_code
+from wsim.kernels.contact.collider import shape
 from wsim.kernels.math.real import types
-from wsim.model.structs import filled
-from wsim.physics.collider.rows import fill
-from wsim.physics.contact.colliders import Rows, check
-from wsim.physics.contact.mesh import Mesh, deforming
-from wsim.physics.contact.poses import Poses
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.mesh import ColliderMesh, deforming_mesh_kernels
+from wsim.physics.contact.collider.rows import fill_collider_table
+from wsim.physics.contact.colliders import ColliderRowTable, check_collider_values
+from wsim.physics.contact.poses import ColliderPoses
 from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface, solids
 from wsim.scene.values.table import FRICTION
 
@@ -39,7 +40,7 @@ MANY = 64              # balls of an object; a CPU core, 1024 points, ms a frame
 
 
 @dataclass
-class Bodies:
+class CollidablePoints:
     """Points of objects that may touch something. Device arrays are shared, NumPy arrays are uploaded."""
 
     colliders: list[list[Collider]]      # of each object
@@ -51,14 +52,14 @@ class Bodies:
     faces: np.ndarray                    # points of triangles, of springs (i, j, j), (t, 3): what `indicators` measures
     breadth: np.ndarray                  # of each object's faces [m], (objects,), see `wsim.scene.check.chord`
     thin: np.ndarray                     # least `reach` of each object's points [m], (objects,)
-    whole: np.ndarray | None = None      # whether all of its triangles meet meshes (`wsim.physics.selfcontact`), (objects,)
+    whole: np.ndarray | None = None  # whether all of its triangles meet meshes (`wsim.physics.contact.selfcontact`), (objects,)
     edged: np.ndarray | None = None      # whether its edges meet sharp colliders, (objects,)
 
 
-class Contacts:
+class ColliderContacts:
     """See the head of this file. Raises SceneError for a collider that makes no sense."""
 
-    def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
+    def __init__(self, bodies: CollidablePoints, *, device, real, module="unique", substeps: int, dt: float,
                  struck: wp.array | None = None, turned: bool = False):
         """turned: joints that move meshes may be set. struck: (points,) real, becomes not 0 where a point
         leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
@@ -66,15 +67,15 @@ class Contacts:
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
         self.launch_blocks: Any = None                     # (kernel, blocks, threads, inputs, outputs), of a model on CUDA
         self.zero: Callable = wp.array.zero_
-        self.cleared = False                             # `wsim.physics.contact.broad.cleared`
-        self.search_kernel: Any = None                   # see `searches`
+        self.cleared = False                             # `wsim.physics.contact.broad.skip_far_meshes`
+        self.search_kernel: Any = None                   # see `make_search_kernel`
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
         self.edges: Any = None                           # `wsim.physics.cloth.edge_contacts.EdgeContacts`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
-        self.meshes = {key: Mesh.build(c, turned) for key, c in surfaces.items()}
-        self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
-        self.kinds = _kinds(self.rows.kind)
+        self.meshes = {key: ColliderMesh.build(c, turned) for key, c in surfaces.items()}
+        self.rows = ColliderRowTable.build(bodies.colliders, bodies.origins, self.meshes)
+        self.kinds = _ordered_shape_kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole, self.rows.sharp(bodies.edged))
         self.owner = np.full(len(self.rows.collider), -1)     # rigid body of each row
         self.restitution = np.array([self.rows.colliders[k].restitution for k in self.rows.collider], np.float64)
@@ -83,34 +84,35 @@ class Contacts:
         self.time: float | None = None
         self.struck, self.changed, self.redrawn = struck, True, True    # what poses, what outlines of frames are made of
         self.owed = False                                # poses of a frame that has asked for none so far
-        self.table = kernels.tables(real)[0]()
-        self.tree: Any = None                            # `wsim.physics.contact.broad.Tree`
+        self.table = kernels.contact_tables(real)[0]()
+        self.tree: Any = None                            # `wsim.physics.contact.broad.ColliderTree`
         if self.rows.balls >= MANY:
-            from wsim.physics.contact.broad import Tree
-            self.tree = Tree(self.rows, self.table, self.device, real, module)
-        self.poses = Poses(self.rows, self.table, self.device, real)
+            from wsim.physics.contact.broad import ColliderTree
+            self.tree = ColliderTree(self.rows, self.table, self.device, real, module)
+        self.poses = ColliderPoses(self.rows, self.table, self.device, real)
         self._load(module, struck is not None)
         self._points(bodies)
         self._frame(substeps, dt)
-        self._slots(min(2, max(self.rows.most, 1)))
+        self._make_slots(min(2, max(self.rows.most, 1)))
 
     # tables
 
     def _load(self, module, multistep: bool) -> None:
         self.module = module
-        self.project_kernel = kernels.project(self.real, module)
-        self.settle_kernel = kernels.settle(self.real, module) if multistep else None
-        self.pose_kernel, self.refit_kernel = deforming(self.meshes.values(), module, self.device.is_cpu)
+        self.project_kernel = kernels.contact_projection_kernel(self.real, module)
+        self.settle_kernel = kernels.contact_velocity_kernel(self.real, module) if multistep else None
+        self.pose_kernel, self.refit_kernel = deforming_mesh_kernels(self.meshes.values(), module, self.device.is_cpu)
 
-    def searches(self, listed: bool = False) -> None:
-        """Makes the kernel of the search, which reads lists of faces (`wsim.physics.contact.broad.listed`) or none."""
-        self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed, self.cleared)
+    def make_search_kernel(self, listed: bool = False) -> None:
+        """Makes the kernel of the search, which reads lists of faces (`wsim.physics.contact.broad.use_face_lists`) or none."""
+        self.search_kernel = search.contact_search_kernel(self.kinds, self.real, self.module, self.tree is not None, listed,
+                                                          self.cleared)
 
     def _array(self, given, dtype) -> wp.array:
         return given if isinstance(given, wp.array) else wp.array(np.ascontiguousarray(given), dtype=dtype, device=self.device)
 
-    def _points(self, bodies: Bodies) -> None:
-        t, p = self.types, kernels.tables(self.real)[1]()
+    def _points(self, bodies: CollidablePoints) -> None:
+        t, p = self.types, kernels.contact_tables(self.real)[1]()
         self.points, p.object, p.w = p, self._array(bodies.object, int), self._array(bodies.w, t.scalar)
         p.reach, p.friction = self._array(bodies.reach, t.scalar), self._array(bodies.friction, t.vec2)
         self.count, self.faces = len(p.object), self._array(bodies.faces, int)
@@ -123,14 +125,15 @@ class Contacts:
         """Puts a potential of the scene's `contact_width` in front of contacts, where that is > 0. Raises SceneError where an
         open mesh keeps less than that."""
         if scene.contact_width > 0.0:
-            from wsim.physics.contact.barrier import energy
+            from wsim.physics.contact.barrier import contact_energy_scale
             c, reach = self.table, float(self.points.reach.numpy().min(initial=np.inf))
             for gap, number in zip(self.gap, self.rows.collider, strict=True):
                 if self.rows.kind[number] == "sheet" and gap + reach < 2.0 * scene.contact_width:
                     raise SceneError(Problem(self.rows.colliders[number].path, f"is an open mesh and keeps {gap + reach:g} m, "
                                              f"contact_width is {scene.contact_width:g} m; allowed is up to half of what it "
                                              "keeps: give it a larger wsim:thickness, or a smaller wsim:contactWidth"))
-            c.width, c.energy, c.lead, c.skin = scene.contact_width, energy(scene), int(explicit), SKIN + scene.contact_width
+            c.width, c.energy, c.lead, c.skin = (scene.contact_width, contact_energy_scale(scene), int(explicit),
+                                                 SKIN + scene.contact_width)
 
     def _frame(self, substeps: int, dt: float) -> None:
         """Everything that depends on rows or on the number of substeps."""
@@ -146,12 +149,13 @@ class Contacts:
         rows, of = self.rows, self.rows.collider
         mesh = np.array([0 if m is None else m.id for m in rows.meshes], np.uint64)
         self.table.first = self._array(rows.first, int)
-        self.table.of = fill(self.real, self.device, [rows.kind[k] for k in of], size=rows.size[of], mesh=mesh[of],
-                             thick=self.gap, friction=self.friction, owner=self.owner, restitution=self.restitution)
+        self.table.of = fill_collider_table(self.real, self.device, [rows.kind[k] for k in of], size=rows.size[of],
+                                            mesh=mesh[of], thick=self.gap, friction=self.friction, owner=self.owner,
+                                            restitution=self.restitution)
 
-    def _slots(self, capacity: int) -> None:
+    def _make_slots(self, capacity: int) -> None:
         t, n = self.types, self.count
-        s = self.slots = kernels.slots(self.real)()
+        s = self.slots = kernels.slot_type(self.real)()
         s.points, s.capacity = n, capacity
         s.mark, s.count, s.wanted = self.mark, wp.zeros(n, dtype=int, device=self.device), self.wanted
 
@@ -194,7 +198,7 @@ class Contacts:
     def move(self, path: str, motion: Motion) -> bool:
         """Gives the collider of that path another motion, from the next frame on. False: there is none."""
         for collider in (found := [c for c in self.rows.colliders if c.path == path]):
-            check(replace(collider, motion=motion))
+            check_collider_values(replace(collider, motion=motion))
             collider.motion = motion
             self.changed = self.redrawn = True
         return bool(found)
@@ -205,7 +209,7 @@ class Contacts:
         if not rows:
             return rows
         for number in {int(self.rows.collider[r]) for r in rows}:
-            check(replace(self.rows.colliders[number], **{name: value}))         # type: ignore[arg-type]
+            check_collider_values(replace(self.rows.colliders[number], **{name: value}))  # type: ignore[arg-type]
         for r in rows if name == "thickness" else ():
             mesh = self.rows.meshes[self.rows.collider[r]]
             self.gap[r] = max(value, mesh.least_gap if mesh else 0.0)
@@ -234,14 +238,14 @@ class Contacts:
         if k == 0 and self.cleared:
             self.zero(self.points.radius)                # distances of a frame before
         if self.search_kernel is None:
-            self.searches()
+            self.make_search_kernel()
         at = self.read(x=x, d=d, a=a, **({"k": 0, "now": loop.number} if loop else {"k": k}))
         self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck])
         if self.edges:
             self.edges.search(at, d, a)
 
     def read(self, **arrays):
-        return filled(kernels.read(self.real), **arrays)
+        return fill_struct(kernels.read_type(self.real), **arrays)
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
@@ -263,7 +267,7 @@ class Contacts:
         wanted = int(self.wanted.numpy()[0]) if wanted is None else wanted
         if wanted <= self.slots.capacity:
             return False
-        self._slots(wanted)
+        self._make_slots(wanted)
         self.wanted.zero_()
         return True
 
@@ -276,7 +280,7 @@ class Contacts:
             self.place()
             self.shape(self.substeps - 1)
         from wsim.physics.contact import depth
-        return depth.indicators(self, x)
+        return depth.penetration_indicators(self, x)
 
     def impulses(self, g: float) -> dict[str, np.ndarray]:
         """Impulse [N s], (3,), that each collider received in the last substep, by path, in float64."""
@@ -290,7 +294,7 @@ class Contacts:
         return {c.path: total[i] for i, c in enumerate(self.rows.colliders)}
 
 
-def _kinds(found: list[str]) -> tuple[str, ...]:
+def _ordered_shape_kinds(found: list[str]) -> tuple[str, ...]:
     """Those that there are, in the order of their numbers. Formulas of shapes that have a place of their own are made known."""
     shape.make_known(solids.SOLIDS, found)
-    return tuple(sorted(set(found), key=code))
+    return tuple(sorted(set(found), key=collider_kind_code))

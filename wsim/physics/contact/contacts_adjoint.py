@@ -8,13 +8,13 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.contact import project_adjoint as kernels
-from wsim.kernels.contact.collider_gradients import corners, sums
-from wsim.kernels.contact.project import slots
+from wsim.kernels.contact.collider_gradients import collider_gradient_sum_kernel, corner_type
+from wsim.kernels.contact.project import slot_type
 from wsim.kernels.contact.search_adjoint import search_adjoint
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.model.structs import filled, values
-from wsim.model.tape import Tape, adjoint_of, without
+from wsim.model.structs import fill_struct, struct_values
+from wsim.model.tape import Tape, adjoint_of, without_gradient
 
 LANES = 256            # threads that sum what an object gives a collider, at most
 EACH = 64              # points that one of them takes at least
@@ -28,7 +28,7 @@ class SearchResult:
     projected: int = 0
 
 
-def bends(motion, fps: float) -> bool:
+def motion_bends_in_frames(motion, fps: float) -> bool:
     """True if a motion turns, is a curve, or has keys within frames."""
     at = motion.times * fps
     turning = np.abs(motion.values[:, :3, :3] - motion.values[:1, :3, :3]).max(initial=0.0) > 0.0
@@ -36,9 +36,9 @@ def bends(motion, fps: float) -> bool:
 
 
 @dataclass
-class Touched:
+class MeshPointGradients:
     """Gradients of a frame by the corners of meshes on which its contacts were found, a row each: substep, point, row of the
-    table of colliders, faces (3,) and gradients (9, 3) of `wsim.kernels.contact.collider_gradients.corners`."""
+    table of colliders, faces (3,) and gradients (9, 3) of `wsim.kernels.contact.collider_gradients.corner_type`."""
 
     substep: np.ndarray
     point: np.ndarray
@@ -47,11 +47,11 @@ class Touched:
     by: np.ndarray
 
     @staticmethod
-    def of(found, points: int) -> "Touched":
+    def of(found, points: int) -> "MeshPointGradients":
         row = found.row.numpy()
         k, slot = np.nonzero(row >= 0)
         by = found.by.numpy()[k, slot].astype(np.float64)
-        return Touched(k, slot % points, row[k, slot], found.face.numpy()[k, slot], by)
+        return MeshPointGradients(k, slot % points, row[k, slot], found.face.numpy()[k, slot], by)
 
 
 class ContactAdjoint:
@@ -61,58 +61,61 @@ class ContactAdjoint:
     same is found."""
 
     def __init__(self, contacts, model: Model):
-        """contacts: `wsim.physics.contact.contacts.Contacts`, whose lists have room for all: they do not grow while they are
-        recorded."""
+        """contacts: `wsim.physics.contact.contacts.ColliderContacts`, whose lists have room for all: they do not grow while
+        they are recorded."""
         contacts.grow(contacts.rows.most)
         self.contacts, self.model, self.real = contacts, model, model.real
         skinned = any(hasattr(m.surface.poses, "skeleton") for m in contacts.meshes.values())
         self.search_kernel = search_adjoint(contacts.kinds, model.real, model.module, skinned)
-        self.project_kernel, self.sum_kernel = (make(model.real, model.module) for make in (kernels.project_adjoint, sums))
+        self.project_kernel, self.sum_kernel = (make(model.real, model.module)
+                                                for make in (kernels.project_adjoint, collider_gradient_sum_kernel))
         t, n = types(model.real), model.points
         size = contacts.push.size
 
-        def zeros(count, dtype):
+        def zeros_for_adjoint(count, dtype):
             return wp.zeros(count, dtype=dtype, device=model.device)
-        self.n, self.b, self.u, self.push = zeros(size, t.vec3), zeros(size, t.scalar), zeros(size, t.vec3), zeros(size, t.vec3)
-        self.d, self.a = zeros(n, t.vec3), zeros(n, t.vec3)
-        self.friction, self.gap, self.motion = zeros(size, t.vec2), zeros(size, t.scalar), zeros(size, kernels.ways(model.real))
+        self.n, self.b, self.u, self.push = (zeros_for_adjoint(size, t.vec3), zeros_for_adjoint(size, t.scalar),
+                                             zeros_for_adjoint(size, t.vec3), zeros_for_adjoint(size, t.vec3))
+        self.d, self.a = zeros_for_adjoint(n, t.vec3), zeros_for_adjoint(n, t.vec3)
+        self.friction, self.gap, self.motion = (zeros_for_adjoint(size, t.vec2), zeros_for_adjoint(size, t.scalar),
+                                                zeros_for_adjoint(size, kernels.motion_gradient_type(model.real)))
         starts = [*(b.first for b in model.bodies), n]
         lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
         # where a motion is no straight way within its frames: sums of each substep
         self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.of.step.shape[0])] if any(
-            bends(c.motion, model.scene.fps) for c in contacts.rows.colliders) else []
-        self.corners = corners(model.real)()             # gradients by the corners of skinned meshes
-        self.touched: list[Touched] = []                 # of frames, the last one first
+            motion_bends_in_frames(c.motion, model.scene.fps) for c in contacts.rows.colliders) else []
+        self.corners = corner_type(model.real)()         # gradients by the corners of skinned meshes
+        self.touched: list[MeshPointGradients] = []      # of frames, the last one first
         self.skinned = skinned
         if skinned:
             shape, by = (contacts.table.of.step.shape[0], size), wp.types.matrix((9, 3), model.real)
             for name, dtype in (("row", int), ("face", wp.vec3i), ("by", by)):
                 setattr(self.corners, name, wp.zeros(shape, dtype=dtype, device=model.device))
-        self.wanted = zeros(1, int)
+        self.wanted = zeros_for_adjoint(1, int)
         self.found: SearchResult | None = None
-        self.vjp = {contacts.search_kernel: lambda inputs: self.searched(inputs[2]),
+        self.vjp = {contacts.search_kernel: lambda inputs: self.search_tape_adjoint(inputs[2]),
                     contacts.project_kernel: lambda inputs: self.projected()}
         if contacts.settle_kernel:
-            self.vjp[contacts.settle_kernel] = lambda inputs: self.reading(contacts.settle_kernel)
+            self.vjp[contacts.settle_kernel] = lambda inputs: self.reading_tape_adjoint(contacts.settle_kernel)
 
     def shaped(self, k: int) -> None:
         """The shapes of meshes that the next search works on."""
         model = self.model
 
-        def shape() -> None:
+        def reshape_meshes() -> None:
             before, model.tape = model.tape, None            # Warp's meshes have one place
             self.contacts.shape(k)
             model.tape = before
-        model.tape.do(shape)
+        model.tape.do(reshape_meshes)
 
-    def searched(self, at):
+    def search_tape_adjoint(self, at):
         """Adjoint that a tape takes of the search that is launched next; at: what that reads."""
         tape: Tape = self.model.tape
         found = self.found = SearchResult(tape.read(at))
 
-        def backward(read: list, wrote: list) -> None:
+        def search_backward(read: list, wrote: list) -> None:
             if not found.projected:
                 self.again(found)
             (_, points, at), (slots, d_out, a_out, push_out, _) = read, wrote
@@ -123,19 +126,19 @@ class ContactAdjoint:
                               [self.contacts.table, points, slots, at, o, self.corners, at.k], [])
             if self.steps:
                 self.sum(self.steps[at.k])
-        return backward
+        return search_backward
 
     def projected(self):
         """Adjoint that a tape takes of the projection that is launched next."""
         ready = self.reader()
 
-        def backward(read: list, wrote: list) -> None:
+        def projection_backward(read: list, wrote: list) -> None:
             ready()
             (table, points, slots, at, g), (d_out, push_out) = read, wrote
             o = self.gradients()
             o.d_out, o.push_out, o.d, o.a, o.push = d_out.grad, push_out.grad, at.d.grad, at.a.grad, at.push.grad
             self.model.launch(self.project_kernel, self.contacts.count, [table, points, slots, at, o, g], [])
-        return backward
+        return projection_backward
 
     def reader(self):
         """Reader of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them
@@ -146,28 +149,28 @@ class ContactAdjoint:
         number = found.projected
         return lambda: self.again(found) if number == found.projected else None
 
-    def reading(self, kernel):
+    def reading_tape_adjoint(self, kernel):
         """Adjoint that a tape takes of a launch that reads contacts: Warp's, with the gradients of contacts where those
         of the search want them."""
         model, ready = self.model, self.reader()
         how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
 
-        def back(read: list, wrote: list) -> None:
+        def reading_backward(read: list, wrote: list) -> None:
             ready()
             read = [self.slots(value) if value is self.contacts.slots else value for value in read]
             wp.launch(kernel, self.contacts.count, read, wrote, adj_inputs=[adjoint_of(value) for value in read],
                       adj_outputs=[adjoint_of(value) for value in wrote], adjoint=True, **how)
-        return back
+        return reading_backward
 
     def slots(self, given):
         """Contacts whose arrays have the gradients that the search's adjoint reads: Warp finds those of structs there only."""
-        arrays = {name: without(getattr(given, name)) for name in ("n", "b", "u")}
+        arrays = {name: without_gradient(getattr(given, name)) for name in ("n", "b", "u")}
         for name, array in arrays.items():
             array.grad = getattr(self, name)
-        return filled(slots(self.model.real), **values(given) | arrays)
+        return fill_struct(slot_type(self.model.real), **struct_values(given) | arrays)
 
     def gradients(self):
-        o = kernels.grads(self.real)()
+        o = kernels.gradient_type(self.real)()
         o.n, o.b, o.u = self.n, self.b, self.u
         o.friction, o.gap, o.motion = self.friction, self.gap, self.motion
         return o
@@ -176,7 +179,7 @@ class ContactAdjoint:
         """The contacts of that search, with gradients that are zero."""
         c = self.contacts
         c.shape(found.at.k)
-        again = filled(slots(self.model.real), **values(c.slots) | {"wanted": self.wanted})
+        again = fill_struct(slot_type(self.model.real), **struct_values(c.slots) | {"wanted": self.wanted})
         self.model.launch(c.search_kernel, c.count, [c.table, c.points, found.at], [again, self.d, self.a, self.push, None])
         for array in (self.n, self.b, self.u):
             array.zero_()
@@ -193,7 +196,7 @@ class ContactAdjoint:
         zeros then: shift and turn where it begins, and where it ends. Where a motion is a curve: those of each substep. Those
         by corners of skinned meshes are read besides, which waits for the frame."""
         if self.skinned:
-            self.touched.append(Touched.of(self.corners, self.contacts.count))
+            self.touched.append(MeshPointGradients.of(self.corners, self.contacts.count))
         if self.steps:
             return [wp.clone(step) for step in self.steps]
         self.sum(self.sums)
@@ -212,4 +215,4 @@ class ReadingAdjoint:
     """The adjoint of another kernel that reads contacts."""
 
     def __init__(self, contacts, kernel):
-        self.vjp = {kernel: lambda inputs: contacts.adjoint.reading(kernel)}
+        self.vjp = {kernel: lambda inputs: contacts.adjoint.reading_tape_adjoint(kernel)}

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wsim.kernels.contact.collider.shape import CONVEX
 from wsim.kernels.contact.project import TOUCHED
-from wsim.kernels.contact.shape import CONVEX
-from wsim.scene.solids import row as solid_of
+from wsim.scene.solids import shape_row as solid_of
 
 if TYPE_CHECKING:
-    from wsim.physics.contact.contacts import Contacts
+    from wsim.physics.contact.contacts import ColliderContacts
 
 FEW = 1 << 17          # points and triangles times colliders of an object, up to which the host takes a tenth of a second
 ROWS = 64              # colliders of all objects, of which each costs the host its calls
@@ -24,20 +24,21 @@ LANES = 4096           # threads of the kernels
 SLOPE = 1e-6           # of the size of a triangle: step of the differences that give tangents
 
 
-def suits(contacts: "Contacts") -> bool:
+def suits_host_depth(contacts: "ColliderContacts") -> bool:
     """True if the host measures these: few, and convex shapes of ours."""
     rows = contacts.rows
     work = (contacts.count + len(contacts.faces)) * max(rows.most, 1)
     return work <= FEW and len(rows.collider) <= ROWS and all(kind in CONVEX for kind in contacts.kinds)
 
 
-def indicators(contacts: "Contacts", x) -> dict[str, float]:
-    """Indicators as `Contacts.indicators` has them. x: positions relative to the origins of objects [m], (points,) on the
-    device."""
-    return by_host(contacts, x.numpy().astype(np.float64)) if suits(contacts) else by_device(contacts, x)
+def penetration_indicators(contacts: "ColliderContacts", x) -> dict[str, float]:
+    """Indicators as `ColliderContacts.indicators` has them. x: positions relative to the origins of objects [m], (points,) on
+    the device."""
+    return depths_on_host(contacts, x.numpy().astype(np.float64)) if suits_host_depth(contacts) else depths_by_kernels(contacts,
+                                                                                                                       x)
 
 
-def by_device(contacts: "Contacts", x) -> dict[str, float]:
+def depths_by_kernels(contacts: "ColliderContacts", x) -> dict[str, float]:
     """Depths by kernels that are compiled when first asked for."""
     import warp as wp
 
@@ -46,20 +47,21 @@ def by_device(contacts: "Contacts", x) -> dict[str, float]:
     from wsim.model import kernel_cache
     c, t = contacts, types(contacts.real)
     module = f"wsim_inside_{'_'.join(c.kinds)}_{t.name}"
-    gauge, sink = (make(c.kinds, c.real, module) for make in (penetration.gauge, penetration.sink))
+    gauge, sink = (make(c.kinds, c.real, module)
+                   for make in (penetration.point_penetration_kernel, penetration.face_penetration_kernel))
     for mesh in c.meshes.values():
         if mesh.moves:
             mesh.device["mesh"].refit()                  # winding numbers: substeps may have left them out
     lanes = min(LANES, max(c.count, 1))
     near, count, deep = (wp.zeros(lanes, dtype=kind, device=c.device) for kind in (t.vec2, int, c.real))
-    kernel_cache.load(gauge.module, c.device)
+    kernel_cache.load_kernel_module(gauge.module, c.device)
     wp.launch(gauge, lanes, [c.table, c.points, c.slots, x, c.substeps, lanes], [near, count], device=c.device)
     wp.launch(sink, lanes, [c.table, c.points, c.faces, x, c.substeps, lanes], [deep], device=c.device)
     kept, solid = near.numpy().max(axis=0)
     return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept), "contacts": int(count.numpy().sum())}
 
 
-def by_host(contacts: "Contacts", x: np.ndarray) -> dict[str, float]:
+def depths_on_host(contacts: "ColliderContacts", x: np.ndarray) -> dict[str, float]:
     """x: positions [m], (points, 3), float64."""
     points, table = contacts.points, contacts.table
     w, owner, reach = (a.numpy() for a in (points.w, points.object, points.reach))
@@ -69,18 +71,18 @@ def by_host(contacts: "Contacts", x: np.ndarray) -> dict[str, float]:
     for o in range(len(first) - 1):
         mine, corners = np.flatnonzero((owner == o) & (w > 0.0)), faces[owner[faces[:, 0]] == o]
         for r in range(first[o], first[o + 1]):
-            place = Place(contacts.rows.colliders[contacts.rows.collider[r]].shape, pose[r])
+            place = PlacedShape(contacts.rows.colliders[contacts.rows.collider[r]].shape, pose[r])
             if len(mine):
                 away = place.outside(x[mine])
                 kept = max(kept, float((reach[mine] + gap[r] - away).max()))
                 solid = max(solid, float(-away.min()))
             if len(corners):
-                deep = max(deep, _depth(place, x[corners], w[corners] == 0.0, deep))
+                deep = max(deep, _triangle_depth(place, x[corners], w[corners] == 0.0, deep))
     mark = contacts.slots.mark.numpy()[w > 0.0]
     return {"penetration": max(solid, deep), "too_near": kept, "contacts": int((mark & TOUCHED).sum())}
 
 
-class Place:
+class PlacedShape:
     """A convex shape where its collider is: pose (7,), translation [m] and quaternion (x, y, z, w)."""
 
     def __init__(self, shape: Any, pose: np.ndarray):
@@ -113,16 +115,16 @@ class Place:
         return found
 
 
-def _box(shape, q: np.ndarray) -> np.ndarray:
+def _box_outside_distance(shape, q: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.maximum(np.abs(q) - np.asarray(shape.half), 0.0), axis=1)
 
 
-def _cylinder(shape, q: np.ndarray) -> np.ndarray:
+def _cylinder_outside_distance(shape, q: np.ndarray) -> np.ndarray:
     rho = np.hypot(q[:, 0], q[:, 1])
     return np.hypot(np.maximum(rho - shape.radius, 0.0), np.maximum(np.abs(q[:, 2]) - shape.half_height, 0.0))
 
 
-def _cone(shape, q: np.ndarray) -> np.ndarray:
+def _cone_outside_distance(shape, q: np.ndarray) -> np.ndarray:
     """To the flank from the rim (R, -H) to the apex (0, H), or to the base."""
     R, H, rho = shape.radius, shape.half_height, np.hypot(q[:, 0], q[:, 1])
     x, z, L = rho - R, q[:, 2] + H, np.hypot(R, 2.0 * H)
@@ -131,10 +133,10 @@ def _cone(shape, q: np.ndarray) -> np.ndarray:
     return np.minimum(flank, np.hypot(np.maximum(x, 0.0), z))
 
 
-OUTSIDE = {"box": _box, "cylinder": _cylinder, "cone": _cone}
+OUTSIDE = {"box": _box_outside_distance, "cylinder": _cylinder_outside_distance, "cone": _cone_outside_distance}
 
 
-def _depth(place: Place, x: np.ndarray, pinned: np.ndarray, found: float) -> float:
+def _triangle_depth(place: PlacedShape, x: np.ndarray, pinned: np.ndarray, found: float) -> float:
     """Greatest depth of triangles x (t, 3, 3) [m] where that is more than `found`, which else is given back."""
     X = place.own(x.reshape(-1, 3)).reshape(x.shape)
     phi = place.phi(X)
@@ -158,13 +160,13 @@ def _depth(place: Place, x: np.ndarray, pinned: np.ndarray, found: float) -> flo
         deeper = tangents.min(axis=2).max(axis=1) < -found - EXACT * edge
         if not deeper.any():
             break
-        X = _quarters(X[deeper])
+        X = _split_into_quarters(X[deeper])
         phi = place.phi(X)
         found = max(found, float(-phi.min()))
     return found
 
 
-def _quarters(X: np.ndarray) -> np.ndarray:
+def _split_into_quarters(X: np.ndarray) -> np.ndarray:
     """Triangles (4 t, 3, 3) between the corners and the middles of the edges of X (t, 3, 3)."""
     a, b, c = X[:, 0], X[:, 1], X[:, 2]
     ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)

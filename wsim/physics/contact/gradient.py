@@ -3,7 +3,7 @@
 import numpy as np
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 
 class ContactGradient:
@@ -46,7 +46,7 @@ class ContactGradient:
     def restitution(self, path: str, world: int) -> float:
         part = np.ix_(np.array(self.rows(path)), self.of_world(world))
         if self.by_restitution is None or self.throws is None or not self.throws[part].all():
-            raise refuse("restitution", path)
+            raise gradient_refusal("restitution", path)
         return float(self.by_restitution[part].sum())
 
     def thickness(self, path: str, world: int) -> float:

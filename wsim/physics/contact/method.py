@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wsim.model.stage import MET, Clock, Method, Methods, Ports, Remedy, Stage
-from wsim.model.state import Field, State
+from wsim.model.state import SimulationState, StateField
 from wsim.model.vjp import beside
-from wsim.physics.contact.contacts import Bodies, Contacts
+from wsim.physics.contact.contacts import CollidablePoints, ColliderContacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord, sharp
 from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
-    from wsim.model.status import Status
+    from wsim.model.status import FrameStatus
     from wsim.simulation.methods import Build
 
 LISTS = 2048           # triangles of meshes up to which a GPU lists the faces near points: H200, us a search with lists and
@@ -27,41 +27,43 @@ ROOM = "contacts wanted by a point"       # status word, where there was not roo
 FACES = "faces near a point"              # status word, of a mesh collider, where lists have not room for as many
 
 
-def faces(body) -> np.ndarray:
+def contact_triangles(body) -> np.ndarray:
     """Places of the corners of a body's triangles, (t, 3); a spring is a triangle (i, j, j)."""
     return (body.triangles if len(body.triangles) else body.edges[:, [0, 1, 1]]).astype(np.int32)
 
 
-def build(b: Build) -> Contact:
+def build(b: Build) -> ContactMethod:
     """Raises SceneError where a smoothed contact is wanted of Newton's method, and gradients of what has none."""
     movers = b.ports.moving_bodies
     if b.scene.contact_width > 0.0 and movers is None and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
     if b.model.gradients and b.clock.integrator.beyond:
-        from wsim.scene.values.coverage import refuse
-        raise refuse("ends", b.scene.colliders[0].path, integrator=b.clock.integrator.name)
-    contact = Contact(b.model, b.state, b.ports.points, b.status, b.clock, movers, b.edges)
+        from wsim.scene.values.coverage import gradient_refusal
+        raise gradient_refusal("ends", b.scene.colliders[0].path, integrator=b.clock.integrator.name)
+    contact = ContactMethod(b.model, b.state, b.ports.points, b.status, b.clock, movers, b.edges)
     if "contact" in (b.ports.fused_effects or ()):
-        contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
-    if not b.edges and sharp.meets(b.scene):
+        contact.stages.clear()  # explicit steps know contacts themselves, see kernels/motion/fused/contact.py
+    if not b.edges and sharp.has_edge_contacts(b.scene):
         warn = sharp.warn_of_gradients if b.model.gradients else sharp.warn_of_newton
         contact.offers.start_warnings = [warn(b.scene)]
     if b.free:
-        from wsim.physics.contact.clearance import Clearance
-        contact.part(Clearance(contact, b.clock, bool(b.ports.whole_frames)))
+        from wsim.physics.contact.free_flight_test import FreeFlightTest
+        contact.part(FreeFlightTest(contact, b.clock, bool(b.ports.whole_frames)))
     return contact
 
 
-class Contact(Method):
+class ContactMethod(Method):
     """Points of every body against every collider. Raises SceneError for a collider that makes no sense. trailed: points are
     moved after the Newton steps of each substep."""
 
     trailed = False
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None, edged: bool = False):
+    def __init__(self, model: Model, state: SimulationState, points, status: FrameStatus, clock: Clock, movers=None,
+                 edged: bool = False):
         """points: the method that owns inverse masses and objects and the anchor; movers: what has colliders of its
-        own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None; edged: edges meet."""
+        own and takes what they are pushed by (`wsim.physics.rigid.touch.points.BodyPointContacts`), or None; edged: edges
+        meet."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
@@ -71,22 +73,21 @@ class Contact(Method):
         own = points.constants.object
         if model.by_point:                               # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
-        each = [faces(b) for b in model.bodies]
+        each = [contact_triangles(b) for b in model.bodies]
         of = [[*colliders, *movers.colliders(b.world)] for b in model.bodies] if movers else [colliders] * len(model.bodies)
-        bodies = Bodies(of, np.stack([b.origin for b in model.bodies]), own, points.constants.w, model.stack("reach"),
-                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
-                        model.shared(np.concatenate(each)),
-                        np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
-                        np.array([b.reach.min() for b in model.bodies]),
-                        np.array([getattr(b.source, "self_collision", False) for b in model.bodies]),
-                        np.array([sharp.has_edges(b.source) for b in model.bodies]) if edged else None)
-        self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
-                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck,
-                                 turned=model.gradients)
+        bodies = CollidablePoints(of, np.stack([b.origin for b in model.bodies]), own, points.constants.w, model.stack("reach"),
+                                  np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
+                                  model.shared(np.concatenate(each)), np.array([chord.triangle_breadth(b.rest, f - b.first)
+                                            for b, f in zip(model.bodies, each, strict=True)]),
+                                  np.array([b.reach.min() for b in model.bodies]),
+                                  np.array([getattr(b.source, "self_collision", False) for b in model.bodies]),
+                                  np.array([sharp.has_edges(b.source) for b in model.bodies]) if edged else None)
+        self.contacts = ColliderContacts(bodies, device=model.device, real=model.real, module=model.module,
+                                         substeps=clock.substeps, dt=clock.dt, struck=points.struck, turned=model.gradients)
         self.contacts.launch, self.contacts.zero, self.contacts.launch_blocks = model.launch, model.zero, model.launch_blocks
         self.short(points.integrator.explicit, edged)
-        self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
-        state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
+        self.contacts.adjoint = beside(model, ColliderContacts.__module__, "ContactAdjoint", self.contacts, model)
+        state.points.take(StateField("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
         status.reserve(ROOM)
         status.reserve(FACES)
@@ -99,8 +100,8 @@ class Contact(Method):
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
-        self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
-        self.prolonged: Any = None                       # `wsim.physics.contact.prolonged.Prolonged`
+        self.clearance: Any = None                       # `wsim.physics.contact.free_flight_test.FreeFlightTest`
+        self.prolonged: Any = None                       # `wsim.physics.contact.prolonged.MidpointContacts`
         self.bounce: Any = None
         self.ends(clock)
         if movers:
@@ -110,33 +111,33 @@ class Contact(Method):
     def ends(self, clock: Clock) -> None:
         """Stages behind the last iteration, where a step goes on to its end, and where colliders throw back."""
         if clock.integrator.beyond:
-            from wsim.physics.contact.prolonged import Prolonged
-            self.prolonged = Prolonged(self)
+            from wsim.physics.contact.prolonged import MidpointContacts
+            self.prolonged = MidpointContacts(self)
             self.stages.append(self.prolonged.stage)
         if any(c.restitution > 0.0 for c in self.model.scene.colliders):
-            from wsim.physics.contact.restitution import Bounce
-            self.bounce = Bounce(self.model, self.state, self.points, self.contacts, self.prolonged)
+            from wsim.physics.contact.restitution import RestitutionStage
+            self.bounce = RestitutionStage(self.model, self.state, self.points, self.contacts, self.prolonged)
             self.stages += self.bounce.stages
 
     def short(self, explicit: bool, edged: bool) -> None:
         """Parts that explicit steps have, which are many and short, and contacts of edges."""
         self.alike = self.movers is None and not edged and self.contacts.tree is None
         if self.alike and not explicit and self.model.device.is_cuda and any(m.moves for m in self.contacts.meshes.values()):
-            from wsim.physics.contact import mesh
+            from wsim.physics.contact.collider import mesh
             mesh.make_trees(self.model, self.contacts.meshes.values())
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:
             from wsim.physics.contact import broad
-            broad.listed(self.contacts)
+            broad.use_face_lists(self.contacts)
         elif self.contacts.meshes and self.movers is None and not self.model.gradients and self.contacts.substeps >= CLEARED:
             from wsim.physics.contact import broad
             if self.model.device.is_cuda and max(len(m.triangles) for m in self.contacts.meshes.values()) <= LISTS:
-                broad.listed(self.contacts, broad.WIDE, broad.OFTEN)
+                broad.use_face_lists(self.contacts, broad.WIDE, broad.OFTEN)
             else:
-                broad.cleared(self.contacts)
+                broad.skip_far_meshes(self.contacts)
         if self.contacts.search_kernel is None:
-            self.contacts.searches()
+            self.contacts.make_search_kernel()
         if edged:
             from wsim.physics.cloth.edge_contacts import EdgeContacts
             EdgeContacts(self.model, self.contacts, explicit)
@@ -221,7 +222,7 @@ class Contact(Method):
         trailed = bool(others.ports.xpbd_batches or surfaces and others.ports.strands)
         if terms is None:
             return
-        from wsim.physics.contact.newton.active_set import ActiveSet  # Newton steps hold contacts themselves
+        from wsim.physics.solver.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
         active = ActiveSet(others.ports.newton_assembly, self.contacts)
         terms.append(active)
         self.within, self.trailed, self.press = True, trailed, active.press if trailed or surfaces else None
@@ -229,28 +230,29 @@ class Contact(Method):
             self.solved, self.after = True, trailed
             adjoint.enter("contacts", self.contacts, trailed)
 
-    def retry(self, status: Status) -> list[Remedy]:
-        if self.clearance and self.clearance.hear():
+    def retry(self, status: FrameStatus) -> list[Remedy]:
+        if self.clearance and self.clearance.missed_contacts():
             return [Remedy("meet")]
         wanted, faces, points = int(status.said(ROOM)[0]), int(status.said(FACES)[0]), self.contacts.points
 
-        def grow() -> str:
+        def grow_contact_slots() -> str:
             room = self.contacts.slots.capacity                      # twice as much: each time takes a capture
             grown = self.contacts.grow(max(wanted, 2 * room) if wanted > room else wanted)
             if self.prolonged:
                 self.prolonged.room()
             return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
 
-        def lists() -> str:
-            from wsim.physics.contact.broad import roomier
-            grown = roomier(points, 2 * faces)
+        def grow_listed_faces() -> str:
+            from wsim.physics.contact.broad import grow_face_lists
+            grown = grow_face_lists(points, 2 * faces)
             return f"at least {faces} faces of meshes are near a point, more than there was room for" if grown else ""
-        return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, faces > points.room)) if some]
+        return [Remedy("grow", act) for act, some in ((grow_contact_slots, wanted), (grow_listed_faces, faces > points.room))
+                if some]
 
     def reserve(self) -> None:
-        from wsim.physics.contact.broad import MOST, roomier
+        from wsim.physics.contact.broad import MOST, grow_face_lists
         if self.contacts.points.room:
-            roomier(self.contacts.points, MOST)
+            grow_face_lists(self.contacts.points, MOST)
 
     def resumed(self, time: float) -> None:
         self.contacts.time, self.contacts.owed = time, True

@@ -9,30 +9,32 @@ import warp as wp
 from wsim.kernels.contact import prolonged as kernels
 from wsim.kernels.math.real import types
 from wsim.model.stage import Clock, Methods, Stage
-from wsim.model.state import Field
+from wsim.model.state import StateField
 
 if TYPE_CHECKING:
-    from wsim.physics.contact.method import Contact
+    from wsim.physics.contact.method import ContactMethod
 
 
-class Prolonged:
+class MidpointContacts:
     """What stands around the solution of a substep. Nothing is done once the midpoint has given way to backward Euler.
 
     ended   d, a and contacts are those of the end of the substep
     rest    what contacts have given beyond P / h [m/s], of each slot"""
 
-    def __init__(self, contact: Contact):
+    def __init__(self, contact: ContactMethod):
         self.contact, self.contacts, self.state, model = contact, contact.contacts, contact.state, contact.model
         self.model, self.points, self.motion = model, contact.points, contact.points.motion
         part, (real, module), t = self.motion.row.nodes[0], (model.real, model.module), types(model.real)
-        self.kernels = {f.__name__: f(real, module, part) for f in (kernels.reach, kernels.begin, kernels.end)}
-        self.kernels["even"] = kernels.even(real, module)
+        factories = {"reach": kernels.end_displacement_kernel, "begin": kernels.prolonged_contact_kernel,
+                     "end": kernels.prolonged_end_kernel}
+        self.kernels = {name: factory(real, module, part) for name, factory in factories.items()}
+        self.kernels["even"] = kernels.prolonged_velocity_kernel(real, module)
         self.motion.meet()
         self.ended = self.surfaces = False
         self.d = wp.zeros(model.points, dtype=t.vec3, device=model.device)
         self.was, now = (wp.zeros(model.points, dtype=t.vec4, device=model.device) for _ in range(2))
-        kept = Field("w", "m/s", True, "velocity of the surface of the collider that a point touched alone, and its row + 1",
-                     "vec4")
+        kept = StateField("w", "m/s", True,
+                          "velocity of the surface of the collider that a point touched alone, and its row + 1", "vec4")
         self.now = self.state.points.take(kept, now)
         self.room()
         size = model.points * self.state.x.strides[0]

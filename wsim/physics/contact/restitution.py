@@ -9,16 +9,16 @@ import warp as wp
 from wsim.kernels.contact import restitution as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock, Methods, Stage
-from wsim.model.state import State
+from wsim.model.state import SimulationState
 from wsim.model.vjp import beside
 
 
-class Bounce:
+class RestitutionStage:
     """Restitution of the contacts of a plan."""
 
-    def __init__(self, model: Model, state: State, points, contacts, prolonged=None):
-        """points: the method that owns gravity and the anchor; contacts: `wsim.physics.contact.contacts.Contacts`; prolonged:
-        of an integrator that goes on to the end of a step, `wsim.physics.contact.prolonged.Prolonged`."""
+    def __init__(self, model: Model, state: SimulationState, points, contacts, prolonged=None):
+        """points: the method that owns gravity and the anchor; contacts: `wsim.physics.contact.contacts.ColliderContacts`;
+        prolonged: of an integrator that goes on to the end of a step, `wsim.physics.contact.prolonged.MidpointContacts`."""
         self.model, self.state, self.points, self.contacts = model, state, points, contacts
         real, module, n = model.real, model.module, model.points
         rows, m, multistep = contacts.rows, points.integrator, contacts.struck is not None
@@ -28,10 +28,10 @@ class Bounce:
         self.copies: Any = None                          # of an explicit integrator: which copy it predicts from, and all
         self.before, self.thrown = state.v, None         # velocity before this substep; who was thrown in it
         self.free = m.explicit and len(m.steps) != 1     # symplectic Euler goes as backward Euler does, in a straight line
-        self.kernel = (kernels.bounce_free if self.free else kernels.bounce_held)(real, module)
+        self.kernel = (kernels.explicit_restitution_kernel if self.free else kernels.implicit_restitution_kernel)(real, module)
         beside(model, type(contacts).__module__, "ReadingAdjoint", contacts, self.kernel)
-        self.prolonged, self.beyond = prolonged, kernels.bounce_beyond(real, module) if prolonged else None
-        self.spare = kernels.spare(real, module) if len(m.steps) == 2 else None
+        self.prolonged, self.beyond = prolonged, kernels.prolonged_restitution_kernel(real, module) if prolonged else None
+        self.spare = kernels.impact_kick_kernel(real, module) if len(m.steps) == 2 else None
         self.normal = wp.zeros_like(state.v) if self.free else None
         self.surfaces = False                            # True: their sweeps come behind the last iteration
         self.own: Any = None                             # anchors that points were thrown by, where they are settled once more
@@ -40,7 +40,7 @@ class Bounce:
             self.before = wp.zeros_like(state.v)
             self.stages.append(Stage("before", "pose", self.keep, 1, 2 * n * state.v.strides[0], what="velocities"))
         if multistep:
-            self.thrown, self.renew_kernel = wp.zeros_like(contacts.struck), kernels.renew(real, module)
+            self.thrown, self.renew_kernel = wp.zeros_like(contacts.struck), kernels.history_after_impact_kernel(real, module)
             self.stages.append(Stage("renew", "finish", self.renew, 1, n * 4, what="points that were thrown: history"))
 
     def set(self, rows: list[int], objects: list[int], value: float) -> None:
@@ -66,7 +66,8 @@ class Bounce:
         if (surfaces := others.ports.self_contact) is not None:
             self.surfaces = not surfaces.within
             if self.thrown is not None:
-                self.own, self.stand = wp.zeros_like(self.points.anchor), kernels.stand(self.model.real, self.model.module)
+                self.own, self.stand = (wp.zeros_like(self.points.anchor),
+                                        kernels.impact_anchor_kernel(self.model.real, self.model.module))
 
     def keep(self, clock: Clock) -> None:
         """Keeps the velocity before anything changes it."""
@@ -96,7 +97,7 @@ class Bounce:
 
     def launch(self, clock: Clock) -> None:
         """Launches the restitution after the last iteration."""
-        s, c, table = self.state, self.contacts, kernels.bounces(self.model.real)()
+        s, c, table = self.state, self.contacts, kernels.bounce_type(self.model.real)()
         table.restitution, table.h, table.g = self.restitution, clock.h, clock.g
         d, a = s.d, self.points.anchor
         if self.prolonged and self.prolonged.asked(clock):

@@ -9,7 +9,7 @@ from wsim.scene import Problem, SceneError
 SPARE = 0.9              # of what is free that fluids may take
 
 
-def numbers(fluid: Fluid, obstacles: bool) -> float:
+def numbers_per_cell(fluid: Fluid, obstacles: bool) -> float:
     """Numbers of the run's precision for each cell: fields and their snapshot, what a step works with, levels of the
     pressure."""
     dim = len(fluid.axes)
@@ -21,12 +21,12 @@ def numbers(fluid: Fluid, obstacles: bool) -> float:
     return found + (1 + dim * (2 + levels) if obstacles else 0)
 
 
-def wanted(fluid: Fluid, obstacles: bool, width: int) -> int:
+def fluid_memory(fluid: Fluid, obstacles: bool, width: int) -> int:
     """Bytes. width: of a number."""
-    return ceil(numbers(fluid, obstacles) * width * fluid.cells)
+    return ceil(numbers_per_cell(fluid, obstacles) * width * fluid.cells)
 
 
-def free(device) -> int:
+def free_device_bytes(device) -> int:
     """Bytes that are free on a device."""
     if device.is_cuda:
         return int(device.free_memory)
@@ -36,11 +36,11 @@ def free(device) -> int:
         return 1 << 62
 
 
-def refuse(fluids: list[Fluid], b) -> None:
+def refuse_large_fluids(fluids: list[Fluid], b) -> None:
     """Raises SceneError, by the path of the greatest, where they do not fit."""
     width = b.model.dtype().nbytes
-    need = {id(f): wanted(f, bool(b.scene.colliders), width) for f in fluids}
-    total, there = sum(need[id(f)] for f in fluids), free(b.model.device)
+    need = {id(f): fluid_memory(f, bool(b.scene.colliders), width) for f in fluids}
+    total, there = sum(need[id(f)] for f in fluids), free_device_bytes(b.model.device)
     if total > SPARE * there:
         most = max(fluids, key=lambda f: need[id(f)])
         cell = most.cell * (total / (SPARE * there)) ** (1.0 / max(len(most.axes), 1))

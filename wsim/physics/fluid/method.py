@@ -6,32 +6,32 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import grid_structs
 from wsim.model.stage import Clock, Method, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.collider.table import kinds
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.table import kind_names
 from wsim.physics.fluid import memory, volumes
 from wsim.physics.fluid.grid.direct import MOST
-from wsim.physics.fluid.grid.domain import LIVE, Domain
+from wsim.physics.fluid.grid.domain import LIVE, FluidDomain
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.threads import Threads
-from wsim.physics.fluid.measure import centered, measures
+from wsim.physics.fluid.measure import fields_at_centers, fluid_measures
 from wsim.physics.fluid.objects import Fluid, Source
-from wsim.physics.fluid.shells import meets, sheets, shells
-from wsim.physics.fluid.start import cut
+from wsim.physics.fluid.shells import body_shells, meets_bodies, obstacle_sheets
+from wsim.physics.fluid.start import cut_step_warnings
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 NAMES = ("u", "v", "w")
-SCALARS = {"smoke": Field("smoke", "1", True, "of the air in a cell", "scalar"),
-           "heat": Field("temperature", "K", True, "above the air around", "scalar")}
+SCALARS = {"smoke": StateField("smoke", "1", True, "of the air in a cell", "scalar"),
+           "heat": StateField("temperature", "K", True, "above the air around", "scalar")}
 WORDS = {"solves": 2, "missed": 1, "steps": 2}
 SOURCE = ("smoke", "temperature", "expansion", "velocity", "strength", "place")
 
@@ -40,14 +40,14 @@ def build(b: "Build") -> Method:
     return Fluids(b)
 
 
-def carried(fluid: Fluid, sources: list[Source]) -> tuple[str, ...]:
+def carried_scalars(fluid: Fluid, sources: list[Source]) -> tuple[str, ...]:
     """Scalars that there is ever something of."""
     smoke = fluid.smoke is not None or any(s.smoke != 0.0 for s in sources)
     heat = fluid.temperature is not None or any(s.temperature != 0.0 for s in sources)
     return (*["smoke"] * smoke, *["heat"] * heat)
 
 
-def reaching(fluid: Fluid, scene) -> list[Source]:
+def near_sources(fluid: Fluid, scene) -> list[Source]:
     return [s for s in scene.things("Source") if s.fluid in ("", fluid.path)]
 
 
@@ -59,14 +59,14 @@ class Fluids(Method):
         self.model, self.scene, self.status, self.state = b.model, b.scene, b.status, b.state
         self.base, self.more = b.clock.substeps, 1
         self.pairs = [(fluid, world) for world in range(b.model.worlds) for fluid in b.scene.things("Fluid")]
-        memory.refuse([fluid for fluid, _ in self.pairs], b)
+        memory.refuse_large_fluids([fluid for fluid, _ in self.pairs], b)
         self.layouts = [Layout.of(fluid) for fluid, _ in self.pairs]
         self.threads = Threads(b.model)
         self.wind = np.tile(np.asarray(b.scene.wind, np.float64), (b.model.worlds, 1))
         self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1))
         self.numbers: list[dict[str, Any]] = [{name: float(getattr(fluid, name)) for name in LIVE} for fluid, _ in self.pairs]
         self.changed: list[list[dict]] = []
-        self.carried = [carried(fluid, reaching(fluid, b.scene)) for fluid, _ in self.pairs]
+        self.carried = [carried_scalars(fluid, near_sources(fluid, b.scene)) for fluid, _ in self.pairs]
         self.rows: dict[tuple[int, str], slice] = {}
         self.parts = self._parts(b)
         for name, count in WORDS.items():
@@ -75,24 +75,24 @@ class Fluids(Method):
             b.status.reserve("fluid: reach", 6 * len(self.pairs))
         self.windows: dict[int, Any] = {}
         self.rigid = None if b.model.gradients else b.ports.bodies
-        self.domains = [self._domain(k) for k in range(len(self.pairs))]
+        self.domains = [self._make_domain(k) for k in range(len(self.pairs))]
         self.settled, self.recorded, self.offers.fluids = False, None, self
         if b.model.gradients:
             for fluid in b.scene.things("Fluid"):
                 for name in ("layers", "margin", "conserve"):
                     if getattr(fluid, name):
-                        raise refuse(name, fluid.path, name=name)
-                if meets(fluid) and sheets(b.model):
-                    raise refuse("walls", fluid.path, name=sheets(b.model)[0].path)
-            from wsim.physics.fluid.recorded import Recorded
-            self.offers.recorded_fluids = self.recorded = Recorded(self)
+                        raise gradient_refusal(name, fluid.path, name=name)
+                if meets_bodies(fluid) and obstacle_sheets(b.model):
+                    raise gradient_refusal("walls", fluid.path, name=obstacle_sheets(b.model)[0].path)
+            from wsim.physics.fluid.recorded import RecordedFluids
+            self.offers.recorded_fluids = self.recorded = RecordedFluids(self)
         phase = "pose" if any(d.floating for d in self.domains) else "predict"     # before that of the bodies
         cells = sum(layout.cells for layout in self.layouts)
         how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         held = ' and '.join(SCALARS[name].name for name in self.carried[0])
         where = f", {held} where there is some" if self.domains[0].tiles else ""
-        from wsim.physics.fluid.window import stated
-        part = stated([*self.windows.values()]) if self.windows else ""
+        from wsim.physics.fluid.window import state_windows
+        part = state_windows([*self.windows.values()]) if self.windows else ""
         self.stages.append(Stage("fluids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts.values()), "frame",
                                  f"{cells} cells{part}, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
@@ -100,16 +100,16 @@ class Fluids(Method):
 
     # what there is
 
-    def _parts(self, b) -> dict[str, Part]:
+    def _parts(self, b) -> dict[str, StatePart]:
         """Part by name, with the rows of each fluid."""
-        fields: dict[str, tuple[Field, ...]] = {}
+        fields: dict[str, tuple[StateField, ...]] = {}
         counts: dict[str, int] = {}
         rows: dict[str, dict] = {}
         used = [name for name in SCALARS if any(name in names for names in self.carried)]
         for k, (pair, layout) in enumerate(zip(self.pairs, self.layouts, strict=True)):
             size = {f"grid {AXES[a]}": int(np.prod(layout.faces(a))) for a in range(layout.dim)}
             for a in range(layout.dim):
-                fields[f"grid {AXES[a]}"] = (Field(NAMES[a], "m/s", True, f"velocity across faces of axis {a}", "scalar"),)
+                fields[f"grid {AXES[a]}"] = (StateField(NAMES[a], "m/s", True, f"velocity across faces of axis {a}", "scalar"),)
             if self.carried[k]:
                 fields["grid"], size["grid"] = tuple(SCALARS[name] for name in used), layout.cells
             for of, n in size.items():
@@ -117,7 +117,7 @@ class Fluids(Method):
                 self.rows[k, of] = slice(first, first + n)
                 rows.setdefault(of, {})[pair[0].path, pair[1]] = np.arange(first, first + n)
                 counts[of] = first + n
-        found = {name: Part.allocate(name, fields[name], counts[name], b.model.real, b.model.device) for name in sorted(fields)}
+        found = {n: StatePart.allocate(n, fields[n], counts[n], b.model.real, b.model.device) for n in sorted(fields)}
         for name, part in found.items():
             part.rows = rows[name]
             b.state.add(part)
@@ -128,20 +128,20 @@ class Fluids(Method):
         part, name = (f"grid {AXES[NAMES.index(name)]}", name) if name in NAMES else ("grid", SCALARS[name].name)
         return self.parts[part].arrays[name][self.rows[k, part]]
 
-    def _domain(self, k: int) -> Domain:
+    def _make_domain(self, k: int) -> FluidDomain:
         (fluid, world), layout = self.pairs[k], self.layouts[k]
-        u = filled(structs(self.model.real).Faces, **{AXES[a]: self.field(k, NAMES[a]) for a in range(layout.dim)})
+        u = fill_struct(grid_structs(self.model.real).Faces, **{AXES[a]: self.field(k, NAMES[a]) for a in range(layout.dim)})
         scalars = {name: self.field(k, name) for name in self.carried[k]}
-        sources = reaching(fluid, self.scene)
+        sources = near_sources(fluid, self.scene)
         self.changed.append([{} for _ in sources])
-        self._start(k, u, scalars)
+        self._set_start_fields(k, u, scalars)
         if fluid.margin > 0.0:
-            from wsim.physics.fluid.window import Window
-            self.windows[k] = Window(self, k, sources)
+            from wsim.physics.fluid.window import FluidWindow
+            self.windows[k] = FluidWindow(self, k, sources)
             return self.windows[k].domain
-        bodies = shells(self.scene) if self.rigid and meets(fluid) else []
-        cloth = sheets(self.model, world) if meets(fluid) else []
-        domain = Domain(self.threads, fluid, world, [*self.scene.colliders, *bodies, *cloth], sources, u, scalars)
+        bodies = body_shells(self.scene) if self.rigid and meets_bodies(fluid) else []
+        cloth = obstacle_sheets(self.model, world) if meets_bodies(fluid) else []
+        domain = FluidDomain(self.threads, fluid, world, [*self.scene.colliders, *bodies, *cloth], sources, u, scalars)
         if domain.obstacles:
             domain.obstacles.shapes.state = self.state
         if bodies:
@@ -154,7 +154,7 @@ class Fluids(Method):
         let_in = any(fluid.sides[2 * a + side] in ("open", "wind") for a in layout.axes for side in (0, 1))
         return self.wind[world][list(layout.axes)] * let_in
 
-    def _start(self, k: int, u: Any, scalars: dict[str, wp.array]) -> None:
+    def _set_start_fields(self, k: int, u: Any, scalars: dict[str, wp.array]) -> None:
         fluid, layout, dtype, air = self.pairs[k][0], self.layouts[k], self.model.dtype, self.air(k)
         for a, axis in enumerate(layout.axes):
             centers = (np.full(layout.n, air[a]) if fluid.velocity is None
@@ -190,7 +190,7 @@ class Fluids(Method):
         if domain.sources:
             domain.sources.upload(self.changed[k])
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("grow", str) for window in self.windows.values() if window.lacks()]
 
     def advance(self, clock: Clock) -> None:
@@ -203,9 +203,9 @@ class Fluids(Method):
             else:
                 self.windows.get(k, domain).frame(clock.dt, least, most)
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         missed = status.said("fluid: missed")
-        found = cut([(d.fluid, d.world) for d in self.domains], status.said("fluid: steps"), self.more)
+        found = cut_step_warnings([(d.fluid, d.world) for d in self.domains], status.said("fluid: steps"), self.more)
         return found + [(("fluid", domain.fluid.path, domain.world), float(n),
                  f"{domain.fluid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
                  "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
@@ -222,7 +222,7 @@ class Fluids(Method):
         found: list[Sample] = []
         for k, (fluid, of) in enumerate(self.pairs):
             if of == world:
-                found += volumes.samples(fluid, centered(fluid, self.layouts[k], self.arrays(k)))
+                found += volumes.volume_samples(fluid, fields_at_centers(fluid, self.layouts[k], self.arrays(k)))
         return found
 
     def indicators(self, x, v) -> dict[str, float]:
@@ -233,7 +233,7 @@ class Fluids(Method):
             if domain.world == 0:
                 obstacles = domain.obstacles if self.settled else None
                 arrays = self.windows[k].arrays() if k in self.windows else self.arrays(k)
-                for name, value in measures(domain.fluid, domain.layout, arrays, obstacles).items():
+                for name, value in fluid_measures(domain.fluid, domain.layout, arrays, obstacles).items():
                     both = max if name in ("fluid_speed", "fluid_divergence") else sum
                     found[name] = both([found.get(name, 0.0), value])
         said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
@@ -266,7 +266,7 @@ class Fluids(Method):
         moved = {} if fluid.acceleration is None else {"acceleration": ((3,), (*fluid.shape, 3))}
         return {"side_velocities": ((6, 3),), **moved}
 
-    def _source(self, domain: Domain, k: int, path: str, name: str, value) -> bool:
+    def _source(self, domain: FluidDomain, k: int, path: str, name: str, value) -> bool:
         """Whether a value of a source of fluid k was set."""
         if domain.sources is None or name not in SOURCE:
             return False
@@ -291,10 +291,10 @@ def signature(b) -> list:
     """Part of the fluids that decides their kernels."""
     fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip, f.layers,
                           f.margin > 0.0, f.conserve, f.viscosity > 0.0, f.vorticity > 0.0, f.acceleration is not None,
-                          carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
-                          [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
+                          carried_scalars(f, near_sources(f, b.scene)), [s.expansion != 0.0 for s in near_sources(f, b.scene)],
+                          [s.velocity is not None for s in near_sources(f, b.scene)], kind_names(near_sources(f, b.scene)))
                          for f in b.scene.things("Fluid")]
     moved = any(c.motion.moves for c in b.scene.colliders)
-    some = any(meets(f) for f in b.scene.things("Fluid"))
-    bodies, cloth = shells(b.scene) if some and not b.model.gradients else [], sheets(b.model) if some else []
-    return [sorted({str(f) for f in fluids}), kinds([*b.scene.colliders, *bodies, *cloth]), moved, *["bodies"] * bool(bodies)]
+    some = any(meets_bodies(f) for f in b.scene.things("Fluid"))
+    bodies, cloth = body_shells(b.scene) if some and not b.model.gradients else [], obstacle_sheets(b.model) if some else []
+    return [sorted(set(map(str, fluids))), kind_names([*b.scene.colliders, *bodies, *cloth]), moved, *["bodies"] * bool(bodies)]

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from wsim.physics.collider.point_cloud import PointCloud
-from wsim.physics.rigid.objects import vector
-from wsim.scene.bodies import Compared
+from wsim.physics.contact.collider.point_cloud import PointCloud
+from wsim.physics.rigid.objects import vector3_or_none
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.solids import Shape
 
@@ -21,7 +21,7 @@ PRESSURE = ("auto", "direct", "multigrid")
 SCALARS = ("cubic", "maccormack", "bfecc", "linear")                     # of smoke and temperature
 
 
-class Cubes(Compared):
+class Cubes(ArrayDataclass):
     """A box along the world's axes, of cubes."""
 
     path: str
@@ -141,7 +141,7 @@ class Fluid(Cubes):
 
 
 @dataclass(eq=False)
-class Source(Compared):
+class Source(ArrayDataclass):
     """A shape that puts smoke, heat, air or speed into the fluids that it reaches, as in
     `scene.smoke_source("/fire", scene.smoke("/air", (0, 0, 0), (1, 2, 1), cell=0.1), Sphere(0.2), temperature=400, smoke=5)`.
 
@@ -170,7 +170,7 @@ class Source(Compared):
     strength: Curve = 1.0  # type: ignore[assignment]  # a number becomes a curve below
 
     def __post_init__(self):
-        self.velocity = vector(self.velocity)
+        self.velocity = vector3_or_none(self.velocity)
         if not isinstance(self.strength, Curve):
             self.strength = Curve(np.zeros(1), np.array([self.strength], np.float64))
 

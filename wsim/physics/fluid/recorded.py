@@ -11,19 +11,19 @@ import numpy as np
 import warp as wp
 
 from wsim.model.stage import Clock
-from wsim.model.tape import give, without
+from wsim.model.tape import add_and_clear_gradient, without_gradient
 from wsim.physics.fluid.adjoint.gradient import FluidGradient
 from wsim.physics.fluid.adjoint.step import DomainAdjoint
 from wsim.physics.fluid.adjoint.trace import Trace
 from wsim.physics.fluid.grid.multigrid import AXES
-from wsim.physics.fluid.measure import NAMES, centered
+from wsim.physics.fluid.measure import NAMES, fields_at_centers
 from wsim.scene import Problem, SceneError
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 FIELDS = {"smoke": "smoke", "temperature": "heat", "velocity": ""}            # of a loss, by what scalars are called
 
 
-class Recorded:
+class RecordedFluids:
     """frames: what the numbers of sources, and of what moves, got in each frame, the last one first."""
 
     def __init__(self, method: Any):
@@ -46,33 +46,33 @@ class Recorded:
         wrote = [tape.write(a, True) for a in arrays.values()]
         trace = Trace(adjoint.launches, most, lambda n: tape.slots.plain.take(real, (n,)))
 
-        def forward() -> None:
+        def run_recorded_frame() -> None:
             for base, version in zip(arrays.values(), read, strict=True):
-                wp.copy(base, without(version))
+                wp.copy(base, without_gradient(version))
             domain.trace = trace
             domain.frame(dt, least, most)
             domain.trace = None
             wp.copy(trace.clock, domain.clock)
             for base, version in zip(arrays.values(), wrote, strict=True):
-                wp.copy(without(version), base)
-        tape.do(forward)
+                wp.copy(without_gradient(version), base)
+        tape.do(run_recorded_frame)
 
-        def backward() -> None:
-            own = self.cotangents(k)
+        def run_frame_adjoint() -> None:
+            own = self.frame_cotangents(k)
             for by, version in zip(own, wrote, strict=True):
                 wp.copy(by, version.grad)
                 version.grad.zero_()
             adjoint.frame(trace)
             for by, version in zip(own, read, strict=True):
-                give(by, version.grad)
-        tape.adjoints.append(backward)
+                add_and_clear_gradient(by, version.grad)
+        tape.adjoints.append(run_frame_adjoint)
 
     def arrays(self, k: int) -> dict[str, wp.array]:
         """Arrays of the state of fluid k, by name."""
         layout = self.method.layouts[k]
         return {name: self.method.field(k, name) for name in (*NAMES[:layout.dim], *self.method.carried[k])}
 
-    def cotangents(self, k: int) -> list[wp.array]:
+    def frame_cotangents(self, k: int) -> list[wp.array]:
         """Cotangents in the order of `arrays`."""
         a = self.adjoints[k]
         return [*(getattr(a.by, AXES[b]) for b in range(self.method.layouts[k].dim)), *a.by_scalars.values()]
@@ -107,10 +107,10 @@ class Recorded:
         for k, domain in enumerate(method.domains):
             sources = domain.sources.sources if domain.sources else []
             if domain.fluid.path == path:
-                whys.append(idle(domain, method.carried[k], name))
-            whys += [unheard(domain, method.carried[k], s, name) for s in sources if s.path == path]
+                whys.append(why_fluid_value_idle(domain, method.carried[k], name))
+            whys += [why_source_unheard(domain, method.carried[k], s, name) for s in sources if s.path == path]
         if not whys or all(whys):
-            raise refuse("still", path, name=name, why=next(filter(None, whys), "no fluid is reached"))
+            raise gradient_refusal("still", path, name=name, why=next(filter(None, whys), "no fluid is reached"))
 
     def fields(self, frame: int, path: str, world: int = 0) -> dict[str, np.ndarray]:
         """smoke, temperature (nx, ny, nz), velocity (nx, ny, nz, 3) at the cells' centres after so many frames, float64."""
@@ -118,14 +118,14 @@ class Recorded:
         layout, fluid = self.method.layouts[k], self.method.pairs[k][0]
         shapes = {NAMES[a]: layout.faces(a) for a in range(layout.dim)} | dict.fromkeys(self.method.carried[k], layout.n)
         now = {name: a[frame].numpy().astype(np.float64).reshape(shapes[name]) for name, a in self.kept[k].items()}
-        found = centered(fluid, layout, now, np.float64)
+        found = fields_at_centers(fluid, layout, now, np.float64)
         return {"smoke" if name == "density" else name: values for name, values in found.items()}
 
-    def losses(self, frames: int, given: dict | None) -> "Losses":
-        return Losses(self, frames, given or {})
+    def losses(self, frames: int, given: dict | None) -> "FluidLosses":
+        return FluidLosses(self, frames, given or {})
 
 
-def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
+def why_fluid_value_idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
     """Reason why nothing of a value of a fluid runs, or ""."""
     for called, scalar in (("smoke", "smoke"), ("weight", "smoke"), ("smoke_decay", "smoke"), ("temperature", "heat"),
                            ("lift", "heat"), ("cooling", "heat")):
@@ -137,7 +137,7 @@ def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
     return "it is 0 at the start" if none else ""
 
 
-def unheard(domain: Any, carried: tuple[str, ...], source: Any, name: str) -> str:
+def why_source_unheard(domain: Any, carried: tuple[str, ...], source: Any, name: str) -> str:
     """Reason why nothing of a value of a source runs in a fluid, or ""."""
     if name in ("smoke", "temperature") and FIELDS[name] not in carried:
         return f"there is no {'smoke' if name == 'smoke' else 'heat'} in {domain.fluid.path}"
@@ -146,11 +146,11 @@ def unheard(domain: Any, carried: tuple[str, ...], source: Any, name: str) -> st
     return "it is 0 of all sources" if name == "expansion" and domain.sources.expansion is None else ""
 
 
-class Losses:
+class FluidLosses:
     """Derivatives of a loss by fields of fluids, {frame: {path, or (path, world): {"smoke", "temperature" (nx, ny, nz),
     "velocity" (nx, ny, nz, 3)}}}, frame by frame on the way back."""
 
-    def __init__(self, recorded: Recorded, frames: int, given: dict):
+    def __init__(self, recorded: RecordedFluids, frames: int, given: dict):
         self.recorded, self.given = recorded, {}
         for frame, each in given.items():
             if not 0 <= frame <= frames:
@@ -179,7 +179,8 @@ class Losses:
                 raise SceneError(Problem(path, f"derivatives by {name} must be finite with shape {shape}; found "
                                          f"{values.shape}"))
             if name == "velocity":
-                found += [(arrays[NAMES[a]], layout.uncentered(values[..., axis], a)) for a, axis in enumerate(layout.axes)]
+                found += [(arrays[NAMES[a]], layout.transpose_centered(values[..., axis], a))
+                          for a, axis in enumerate(layout.axes)]
             else:
                 found.append((arrays[FIELDS[name]], values.ravel()))
         return found

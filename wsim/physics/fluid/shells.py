@@ -27,19 +27,19 @@ class Shell:
     body: int
 
 
-def meets(fluid: Fluid) -> bool:
+def meets_bodies(fluid: Fluid) -> bool:
     """Whether smoke meets bodies and cloth: not in a part that follows it, nor by a direct solve."""
     return fluid.margin == 0.0 and fluid.pressure != "direct"
 
 
-def shells(scene) -> list[Shell]:
+def body_shells(scene) -> list[Shell]:
     return [Shell(c.path, c.shape, Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)), k)
             for k, body in enumerate(scene.things("Body")) for c in body.colliders
             if c.meets and not isinstance(c.shape, Plane)]
 
 
 @dataclass
-class Sheet:
+class ObstacleSheet:
     """The surface of a cloth or soft body of one world.
 
     path      prim path
@@ -54,11 +54,11 @@ class Sheet:
     rows: np.ndarray
 
 
-def sheets(model, world: int = 0) -> list[Sheet]:
+def obstacle_sheets(model, world: int = 0) -> list[ObstacleSheet]:
     found = []
     for body in model.bodies:
         if body.world == world and len(body.triangles):
             rows, corners = np.unique(body.triangles, return_inverse=True)
             shape = Surface(body.places[rows - body.first], np.full(len(body.triangles), 3), corners.ravel())
-            found.append(Sheet(body.path, shape, Motion.at_place(tuple(body.origin)), rows))
+            found.append(ObstacleSheet(body.path, shape, Motion.at_place(tuple(body.origin)), rows))
     return found

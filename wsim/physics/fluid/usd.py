@@ -11,14 +11,21 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdVol, Vt
 
-from wsim.physics.collider.cloud_usd import SOURCES, author_source_shape, has_source_shape, load_source_shape
+from wsim.physics.contact.collider.cloud_usd import SOURCES, author_source_shape, has_source_shape, load_source_shape
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene.curve import Curve, Motion
 from wsim.usd import names
-from wsim.usd.attributes import array, attribute_of, authored, read, read_values, size
-from wsim.usd.attributes import author as write
-from wsim.usd.stage import Reading, Units, applied
-from wsim.usd.transforms import author_motion, placement
+from wsim.usd.attributes import author_attribute as write
+from wsim.usd.attributes import (
+    define_attribute,
+    is_authored,
+    read_attribute,
+    read_object_fields,
+    read_unlisted_number,
+    to_usd_array,
+)
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
+from wsim.usd.transforms import author_motion, read_placement
 from wsim.usd.transforms.curves import author_curve, read_curve
 
 CELLS = 64                     # along the longest edge of a domain without a cell size
@@ -29,47 +36,48 @@ SETTINGS = ("sides", "side_velocities", "slip", "layers", "advection", "scalar_a
 START = ("velocity", "smoke", "temperature", "acceleration")   # of each cell
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Fluid | Source | None:
-    domain, source = (name in applied(prim) for name in (names.WSIM_DOMAIN, names.WSIM_SOURCE))
+def load(reading: StageReading, prim: Usd.Prim) -> Fluid | Source | None:
+    domain, source = (name in applied_schemas(prim) for name in (names.WSIM_DOMAIN, names.WSIM_SOURCE))
     if domain and source:
         reading.fail(prim.GetPath(), f"has {names.WSIM_DOMAIN} and {names.WSIM_SOURCE}; a source that fills a domain is a prim "
                      "of its own: author the source on another Cube")
         return None
-    if domain and names.WSIM_LIQUID in applied(prim):
+    if domain and names.WSIM_LIQUID in applied_schemas(prim):
         reading.fail(prim.GetPath(), f"has {names.WSIM_DOMAIN} and {names.WSIM_LIQUID}: one prim is one domain; author the "
                      "other on another Cube")
         return None
-    return _domain(reading, prim) if domain else _source(reading, prim)
+    return _load_fluid_domain(reading, prim) if domain else _load_smoke_source(reading, prim)
 
 
-def _domain(reading: Reading, prim: Usd.Prim) -> Fluid | None:
+def _load_fluid_domain(reading: StageReading, prim: Usd.Prim) -> Fluid | None:
     path, units = str(prim.GetPath()), reading.units
     if prim.IsInstanceProxy():
         reading.fail(path, "is a fluid in an instance, whose contents cannot be written over; author instanceable = false "
                      "on the instance")
         return None
-    if names.COLLISION in applied(prim):
+    if names.COLLISION in applied_schemas(prim):
         reading.fail(path, f"has {names.WSIM_DOMAIN} and {names.COLLISION}: an obstacle that fills its own domain; take "
                      f"{names.COLLISION} off")
         return None
-    found_box = box(reading, prim, names.WSIM_DOMAIN)
+    found_box = read_domain_box(reading, prim, names.WSIM_DOMAIN)
     if found_box is None:
         return None
-    found: dict[str, Any] = read_values(prim, "Fluid", units)
-    found |= {name: value for name in SETTINGS if (value := read(prim, "Fluid", name, units)) is not None}
+    found: dict[str, Any] = read_object_fields(prim, "Fluid", units)
+    found |= {name: value for name in SETTINGS if (value := read_attribute(prim, "Fluid", name, units)) is not None}
     for name, count in (("sides", 6), ("side_velocities", 6)):
         if name in found and len(found[name]) != count:
-            reading.fail(path, f"{names.row('Fluid', name).attribute} has {len(found[name])} entries; author {count}, for -x, "
+            reading.fail(path, f"{names.attribute_entry('Fluid', name).attribute} has {len(found[name])} entries; author "
+                               f"{count}, for -x, "
                          "+x, -y, +y, -z, +z")
             return None
     fluid = Fluid(path, *found_box, found.pop("cell", None) or float((found_box[1] - found_box[0]).max()) / CELLS, **found)
     for name in START:
-        value = read(prim, "Fluid", name, units)
+        value = read_attribute(prim, "Fluid", name, units)
         if name == "acceleration" and value is not None and len(value) == 1:
             fluid.acceleration = value[0]
             continue
         if value is not None and len(value) != fluid.cells:
-            reading.fail(path, f"{names.row('Fluid', name).attribute} has {len(value)} entries, and the domain "
+            reading.fail(path, f"{names.attribute_entry('Fluid', name).attribute} has {len(value)} entries, and the domain "
                          f"{'x'.join(map(str, fluid.shape))} cells; author one each, x slowest, or none")
             return None
         if value is not None:
@@ -77,11 +85,11 @@ def _domain(reading: Reading, prim: Usd.Prim) -> Fluid | None:
     return fluid
 
 
-def box(reading: Reading, prim: Usd.Prim, api: str) -> tuple[np.ndarray, np.ndarray] | None:
+def read_domain_box(reading: StageReading, prim: Usd.Prim, api: str) -> tuple[np.ndarray, np.ndarray] | None:
     """Corners of the world box [m] of a domain with that API; None where there is none (reported)."""
     path, units = str(prim.GetPath()), reading.units
     if prim.IsA(UsdGeom.Cube):
-        half = 0.5 * size(UsdGeom.Cube(prim).GetSizeAttr(), reading.start)
+        half = 0.5 * read_unlisted_number(UsdGeom.Cube(prim).GetSizeAttr(), reading.start)
         local = np.array([[-half] * 3, [half] * 3])
     else:
         attribute = prim.GetAttribute("extent")
@@ -91,7 +99,7 @@ def box(reading: Reading, prim: Usd.Prim, api: str) -> tuple[np.ndarray, np.ndar
                          "make it a Cube, or author float3[] extent, the two corners of its box")
             return None
         local = np.array(value, np.float64)
-    place = placement(reading, prim)
+    place = read_placement(reading, prim)
     if len(place.times) > 1:
         reading.warn(path, "is animated and a domain of a fluid: it stays where the animation starts")
     L, t = place.linear[0], place.frame[0][:3, 3]
@@ -111,13 +119,13 @@ def box(reading: Reading, prim: Usd.Prim, api: str) -> tuple[np.ndarray, np.ndar
     return low, high
 
 
-def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
+def _load_smoke_source(reading: StageReading, prim: Usd.Prim) -> Source | None:
     path, units = str(prim.GetPath()), reading.units
     if not has_source_shape(prim):
         reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_SOURCE}; a source has a "
                      f"shape: {SOURCES}")
         return None
-    if names.COLLISION in applied(prim):
+    if names.COLLISION in applied_schemas(prim):
         reading.fail(path, f"has {names.WSIM_SOURCE} and {names.COLLISION}: there is no air within an obstacle; author the "
                      "source on a shape of its own around it")
         return None
@@ -129,27 +137,28 @@ def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
     found = load_source_shape(reading, prim)
     if found is None:
         return None
-    values: dict[str, Any] = read_values(prim, "Source", units)
-    values |= {name: value for name in ("hold", "velocity") if (value := read(prim, "Source", name, units)) is not None}
-    if authored(prim, "Source", "strength"):
-        values["strength"] = strength(prim, "Source", units)
+    values: dict[str, Any] = read_object_fields(prim, "Source", units)
+    values |= {name: value for name in ("hold", "velocity")
+               if (value := read_attribute(prim, "Source", name, units)) is not None}
+    if is_authored(prim, "Source", "strength"):
+        values["strength"] = read_strength_curve(prim, "Source", units)
     return Source(path, *found, fluid="".join(targets), **values)
 
 
-def strength(prim: Usd.Prim, owner: str, units: Units) -> Curve:
+def read_strength_curve(prim: Usd.Prim, owner: str, units: StageUnits) -> Curve:
     """Keys at the samples; of one that is not sampled a single one."""
-    attribute = prim.GetAttribute(names.row(owner, "strength").attribute)
-    return read_curve(attribute, units, lambda code: read(prim, owner, "strength", units, code))
+    attribute = prim.GetAttribute(names.attribute_entry(owner, "strength").attribute)
+    return read_curve(attribute, units, lambda code: read_attribute(prim, owner, "strength", units, code))
 
 
-def author(stage: Usd.Stage, thing: Fluid | Source, units: Units) -> None:
+def author(stage: Usd.Stage, thing: Fluid | Source, units: StageUnits) -> None:
     if isinstance(thing, Source):
-        _author_source(stage, thing, units)
+        _author_smoke_source(stage, thing, units)
     else:
-        _author_domain(stage, thing, units)
+        _author_fluid_domain(stage, thing, units)
 
 
-def author_box(stage: Usd.Stage, thing: Any, units: Units, api: str) -> Usd.Prim:
+def author_box(stage: Usd.Stage, thing: Any, units: StageUnits, api: str) -> Usd.Prim:
     """A Cube that is the box of a domain."""
     cube = UsdGeom.Cube.Define(stage, thing.path)
     prim, M = cube.GetPrim(), np.eye(4)
@@ -164,29 +173,29 @@ def author_box(stage: Usd.Stage, thing: Any, units: Units, api: str) -> Usd.Prim
     return prim
 
 
-def _author_domain(stage: Usd.Stage, fluid: Fluid, units: Units) -> None:
+def _author_fluid_domain(stage: Usd.Stage, fluid: Fluid, units: StageUnits) -> None:
     prim = author_box(stage, fluid, units, names.WSIM_DOMAIN)
     plain = Fluid(fluid.path, fluid.low, fluid.high, 0.0)
-    for name in (*names.fields("Fluid"), *SETTINGS, *START):
+    for name in (*names.schema_fields("Fluid"), *SETTINGS, *START):
         value = getattr(fluid, name)
         if value is None or np.array_equal(value, getattr(plain, name)):
             continue
         if name in START:
-            entry = names.row("Fluid", name)
+            entry = names.attribute_entry("Fluid", name)
             rows = np.reshape(value, (-1, 3)) if name == "acceleration" else value
-            attribute_of(prim, entry).Set(array(rows, entry.type, units.factor(entry.unit)))
+            define_attribute(prim, entry).Set(to_usd_array(rows, entry.type, units.factor(entry.unit)))
         else:
             write(prim, "Fluid", name, value, units)
 
 
-def _author_source(stage: Usd.Stage, source: Source, units: Units) -> None:
+def _author_smoke_source(stage: Usd.Stage, source: Source, units: StageUnits) -> None:
     prim = author_source_shape(stage, source, units)
     UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim.AddAppliedSchema(names.WSIM_SOURCE)
     if source.fluid:
         prim.CreateRelationship(names.INTO, False).SetTargets([Sdf.Path(source.fluid)])
     plain = Source(source.path, source.shape)
-    for name in (*names.fields("Source"), "hold", "velocity"):
+    for name in (*names.schema_fields("Source"), "hold", "velocity"):
         value = getattr(source, name)
         if value is not None and value is not getattr(plain, name) and not np.array_equal(value, getattr(plain, name)):
             write(prim, "Source", name, value, units)
@@ -194,6 +203,6 @@ def _author_source(stage: Usd.Stage, source: Source, units: Units) -> None:
         author_strength(prim, "Source", source.strength, units)
 
 
-def author_strength(prim: Usd.Prim, owner: str, curve: Curve, units: Units) -> None:
-    attribute = attribute_of(prim, names.row(owner, "strength"))
+def author_strength(prim: Usd.Prim, owner: str, curve: Curve, units: StageUnits) -> None:
+    attribute = define_attribute(prim, names.attribute_entry(owner, "strength"))
     author_curve(attribute, curve, units, lambda value, code: write(prim, owner, "strength", value, units, time=code))

@@ -3,10 +3,10 @@
 import numpy as np
 
 from wsim.physics.fluid.objects import Fluid
-from wsim.scene.samples import Sample, Volume
+from wsim.scene.samples import Sample, VolumeSample
 
 
-def samples(fluid: Fluid, fields: dict[str, np.ndarray]) -> list[Sample]:
+def volume_samples(fluid: Fluid, fields: dict[str, np.ndarray]) -> list[Sample]:
     """One sample of the domain's prim. fields: density [1] and temperature [K] (nx, ny, nz), velocity (nx, ny, nz, 3) [m/s], of
     the cells' centres."""
-    return [Volume(fluid.path, fluid.low, fluid.cell, fields, {"velocity": "m/s"})]
+    return [VolumeSample(fluid.path, fluid.low, fluid.cell, fields, {"velocity": "m/s"})]

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import grid_structs
 from wsim.kernels.fluid.passes import window as kernels
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.direct import MOST
-from wsim.physics.fluid.grid.domain import Domain
+from wsim.physics.fluid.grid.domain import FluidDomain
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.start import bounding_radius
 
@@ -28,7 +28,7 @@ MEASURED = ((1.0, "up to 0.2 %"), (0.75, "0.1 to 0.5 %"), (0.5, "0.1 to 1 %"), (
 Box = tuple[np.ndarray, np.ndarray]                    # first cell and that behind the last one, along the grid's axes
 
 
-def stated(windows: list["Window"]) -> str:
+def state_windows(windows: list["FluidWindow"]) -> str:
     """Words of a plan about parts that are solved."""
     margin = min(window.fluid.margin for window in windows)
     off = next(said for least, said in MEASURED if margin >= least)
@@ -36,17 +36,17 @@ def stated(windows: list["Window"]) -> str:
             f"around smoke, heat and sources; what rises is {off} off")
 
 
-def joined(one: Box | None, other: Box | None) -> Box | None:
+def joined_boxes(one: Box | None, other: Box | None) -> Box | None:
     if one is None or other is None:
         return one or other
     return np.minimum(one[0], other[0]), np.maximum(one[1], other[1])
 
 
-def holds(outer: Box, inner: Box) -> bool:
+def box_holds(outer: Box, inner: Box) -> bool:
     return bool((outer[0] <= inner[0]).all() and (outer[1] >= inner[1]).all())
 
 
-class Window:
+class FluidWindow:
     """method: the `Fluids` whose fluid k it is of. domain: what is solved now."""
 
     def __init__(self, method: Any, k: int, sources: list):
@@ -54,14 +54,16 @@ class Window:
         (self.fluid, self.world), self.layout = method.pairs[k], method.layouts[k]
         real, module, dim = method.model.real, method.threads.module, self.layout.dim
         names = method.carried[k]
-        self.take, self.give, self.rest = (make(dim, real, module) for make in (kernels.take, kernels.give, kernels.rest))
-        self.reach = kernels.reach(dim, "smoke" in names, "heat" in names, real, module)
+        self.take, self.give, self.rest = (make(dim, real, module)
+                                           for make in (kernels.window_take_kernel, kernels.window_give_kernel,
+                                                        kernels.window_rest_kernel))
+        self.reach = kernels.window_extent_kernel(dim, "smoke" in names, "heat" in names, real, module)
         self.state = {**{name: method.field(k, name) for name in ("u", "v", "w")[:dim]},
                       **{name: method.field(k, name) for name in names}}
         self.begun: Box | None = None                  # box that was filled when the frame began
         self.short, self.known = False, False          # the last frame must be repeated; its words are there
         found = self.around(self.filled_now(), self.things(0.0, 0.0))
-        self.make(self.roomy(found if found else (np.zeros(3, int), np.minimum(self.layout.n, 2 * ROUND))))
+        self.make(self.roomy_box(found if found else (np.zeros(3, int), np.minimum(self.layout.n, 2 * ROUND))))
 
     # where there is something, in cells
 
@@ -77,7 +79,7 @@ class Window:
                 low, high = np.clip(np.floor(low), 0, n), np.clip(np.ceil(high), 0, n)
                 if (low < high).all():
                     fill = [0] * (3 - self.layout.dim)
-                    found = joined(found, (np.array([*low, *fill], int), np.array([*high, *(1 for _ in fill)], int)))
+                    found = joined_boxes(found, (np.array([*low, *fill], int), np.array([*high, *(1 for _ in fill)], int)))
         return found
 
     def filled_now(self) -> Box | None:
@@ -99,7 +101,7 @@ class Window:
         """`part` of the margin around boxes; whole along periodic axes."""
         box, dim, n = None, self.layout.dim, np.array(self.layout.n)
         for each in boxes:
-            box = joined(box, each)
+            box = joined_boxes(box, each)
         if box is None:
             return None
         size = max(int((box[1] - box[0])[:dim].min()), 1)
@@ -111,7 +113,7 @@ class Window:
 
     # what is solved
 
-    def roomy(self, least: Box) -> Box:
+    def roomy_box(self, least: Box) -> Box:
         """A box and a little more, so that it does for some frames."""
         n, dim = np.array(self.layout.n), self.layout.dim
         more = np.array([LEAST * (a < dim) for a in range(3)])
@@ -135,15 +137,15 @@ class Window:
                        smoke=None, temperature=None)
         threads, real = method.threads, method.model.real
         shapes = [tuple(high - low + (np.arange(3) == a) * (1 - np.array(self.layout.periodic))) for a in range(dim)]
-        u = filled(structs(real).Faces, **{AXES[a]: threads.zeros(prod(map(int, shapes[a]))) for a in range(dim)})
+        u = fill_struct(grid_structs(real).Faces, **{AXES[a]: threads.zeros(prod(map(int, shapes[a]))) for a in range(dim)})
         scalars = {name: threads.zeros(int(prod(high - low))) for name in method.carried[self.k]}
-        self.domain = Domain(threads, part, self.world, method.scene.colliders, self.sources, u, scalars)
+        self.domain = FluidDomain(threads, part, self.world, method.scene.colliders, self.sources, u, scalars)
 
     def follow(self, time: float, dt: float) -> bool:
         """True if another part is solved from the frame at `time` [s] on: the domain is another, and is not settled yet."""
         filled = self.filled() if self.known else self.filled_now()
         if self.short:
-            filled = joined(filled, self.begun)
+            filled = joined_boxes(filled, self.begun)
         else:
             self.begun = filled
         self.known, self.short = True, False
@@ -151,23 +153,23 @@ class Window:
         if box is None:
             return False
         cells = [prod(map(int, high - low)) for low, high in (self.box, box)]
-        if holds(self.box, box) and cells[0] <= 2 * cells[1] + 8 * ROUND ** self.layout.dim:
+        if box_holds(self.box, box) and cells[0] <= 2 * cells[1] + 8 * ROUND ** self.layout.dim:
             return False
-        before, box = self.box, self.roomy(box)
-        if holds(before, box) and holds(box, before):
+        before, box = self.box, self.roomy_box(box)
+        if box_holds(before, box) and box_holds(box, before):
             return False
         self.make(box)
-        if not holds(box, before):
-            self._leave()
+        if not box_holds(box, before):
+            self._fill_outside_air()
         return True
 
     def lacks(self) -> bool:
         """True if half of the margin is gone in the frame that has ended, at a side that is not one of the whole box."""
         box = self.around(self.filled(), part=0.5)
-        self.short = box is not None and not holds(self.box, box)
+        self.short = box is not None and not box_holds(self.box, box)
         return self.short
 
-    def _rows(self, name: str) -> list:
+    def _window_rows(self, name: str) -> list:
         """Shapes of a field in the window and in the whole box, and where it begins there."""
         axis = "uvw".find(name) if name in ("u", "v", "w") else -1
         own = self.domain.layout
@@ -178,25 +180,26 @@ class Window:
         """Array of a field of the domain."""
         return getattr(self.domain.u, AXES["uvw".index(name)]) if name in ("u", "v", "w") else self.domain.scalars[name]
 
-    def _leave(self) -> None:
+    def _fill_outside_air(self) -> None:
         """Air outside of the window is as it is at the start."""
         for name, q in self.state.items():
             value = self.method.air(self.k)["uvw".index(name)] if name in ("u", "v", "w") else 0.0
-            self.method.threads.over(self.rest, q.size, [*self._rows(name), self.method.model.real(value)], [q])
+            self.method.threads.over(self.rest, q.size, [*self._window_rows(name), self.method.model.real(value)], [q])
 
     def frame(self, dt: float, least: int, most: int) -> None:
         """Launches a frame."""
         over = self.method.threads.over
         for name, q in self.state.items():
-            over(self.take, self.part(name).size, [*self._rows(name), q], [self.part(name)])
+            over(self.take, self.part(name).size, [*self._window_rows(name), q], [self.part(name)])
         self.domain.frame(dt, least, most)
         for name, q in self.state.items():
-            over(self.give, self.part(name).size, [*self._rows(name), self.part(name)], [q])
+            over(self.give, self.part(name).size, [*self._window_rows(name), self.part(name)], [q])
         words = self.method.status.word("fluid: reach")[6 * self.k:6 * self.k + 6]
         scalars = self.domain.scalars
-        over(self.reach, self.domain.layout.cells, [*self._rows("smoke"), scalars.get("smoke"), scalars.get("heat")], [words])
+        over(self.reach, self.domain.layout.cells, [*self._window_rows("smoke"), scalars.get("smoke"), scalars.get("heat")],
+             [words])
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Fields of the window, float64, in the shapes of its layout."""
         return {name: self.part(name).numpy().astype(np.float64).reshape(
-            tuple(self._rows(name)[0])) for name in self.state}
+            tuple(self._window_rows(name)[0])) for name in self.state}

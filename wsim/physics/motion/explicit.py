@@ -1,9 +1,9 @@
 """Explicit integrators: forces are gathered by points, a launch a substep. See kernels/motion/explicit.py.
 
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
-through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and on a CPU nets or sheets in
-one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: positions are committed at
-its end, and what they changed is a velocity. In one launch: `fused.fuser`; sheets and tets on a GPU, loads too: `one_launch`.
+through it ("frame"). Small nets then take a whole frame in one launch: by a cluster of blocks, on a CPU by a thread team. Wind,
+contacts, soft pins, tethers and strain limits act on every substep: positions are committed at its end, and what they changed
+is a velocity. One launch: `fused.kernel_fusion`; sheets and tets on a GPU, loads too: `fast_paths.one_launch`.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import explicit as kernels
-from wsim.kernels.motion import march_cpu
-from wsim.kernels.motion.threads import teams
+from wsim.kernels.motion.fast_paths import march_cpu
+from wsim.kernels.motion.fast_paths.threads import team_type
 from wsim.model.model import Model
-from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Ports, Remedy, Stage
-from wsim.model.state import State
-from wsim.model.status import Status
-from wsim.model.structs import filled
+from wsim.model.stage import THROWN, CallPort, Clock, Method, Methods, Ports, Remedy, Stage
+from wsim.model.state import SimulationState
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
 from wsim.model.vjp import beside
-from wsim.physics.cloth.constraints import Constraints, changed
+from wsim.physics.cloth.constraints import Constraints, apply_live_value
 from wsim.physics.motion import frequency
+from wsim.physics.motion.divergence_monitor import Watch, watch_explicit
 from wsim.physics.motion.forces import ForceGather
-from wsim.physics.motion.overstretch import Watch, watched
 from wsim.scene.integrator import Integrator
 
 if TYPE_CHECKING:
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 def build(b: Build) -> Explicit:
     found = Explicit(b.model, b.state, b.ports.points, b.kept(soft=True), b.clock, b.taken or b.within,
                      b.ports.hard_pins, b.free and bool(b.taken or not b.others_within) or b.alone)
-    return watched(found, b.choice.bears)
+    return watch_explicit(found, b.choice.bears)
 
 
 class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
-    def __init__(self, model: Model, state: State, points, rows: list[Constraints], clock: Clock,
+    def __init__(self, model: Model, state: SimulationState, points, rows: list[Constraints], clock: Clock,
                  steps: bool | frozenset[str], pins=None, free: bool = False):
         """rows: soft constraints of all bodies; steps: whether others act within a substep, or the names of all that do, which
         blocks may take; pins: the method of the hard pins, or None; free: frames may have no contacts, and nothing acts."""
@@ -53,8 +53,8 @@ class Explicit(Method):
         self.integrator: Integrator = points.integrator
         self.rows, self.pins, self.muscles = rows, pins, None         # type: Any, Any, Any    # muscles change rest lengths
         self.target = self.field = None       # of pins, as the net has it; (position, velocity) -> acceleration, of one's own
-        self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
-        self.impacts = Port()         # called with `change` behind leapfrog's last half kick: restitution takes impacts out
+        self.forces = CallPort()      # called with a row of time tables before forces are evaluated: muscles, loads
+        self.impacts = CallPort()     # called with `change` behind leapfrog's last half kick: restitution takes impacts out
         self.staged: Any = import_module("wsim.kernels.motion.runge_kutta") if self.integrator.stages else None
         self.moving = self.at_once = self.free = None    # type: Any    # what a march works on, `OneLaunch`, `FreeFrames`
         self.columns = None if pins is None else pins.columns()
@@ -78,7 +78,7 @@ class Explicit(Method):
                             half_step=lambda: (self.at, self.pair, self.change), whole_frames=self.apart,
                             fused_effects=self.taken, stretch_watch=self.watch)
         if free:
-            from wsim.physics.motion.one_launch import FreeFrames
+            from wsim.physics.motion.fast_paths.one_launch import FreeFrames
             self.free = FreeFrames(self, clock)
 
     def make(self, count: int) -> None:
@@ -88,23 +88,25 @@ class Explicit(Method):
         self.march = None if self.integrator.stages or self.field or self.acts else pull.march(module, self.apart)
         self.marches = self.march is not None
         if not self.steps and (self.marches or pull.cluster and not self.field):
-            from wsim.physics.motion.one_launch import whole_frames
+            from wsim.physics.motion.fast_paths.one_launch import whole_frames
             self.at_once, self.stages = whole_frames(self, size * count, what)
             return
         self.room()
-        self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
+        self.begin, self.commit = kernels.explicit_begin_kernel(real, module), kernels.position_commit_kernel(real, module)
         if self.marches:
             n = model.points
             self.move(self.pair[:n], self.pair[2 * n:3 * n], self.carry[:n], self.carry[n:])
         else:
             pull.need_springs()
-            self.kernel = (self.staged.stage if self.staged else kernels.leap)(real, module, pull.flags(), self.field)
+            make = self.staged.rk_step if self.staged else kernels.leapfrog_kernel
+            self.kernel = make(real, module, pull.flags(), self.field)
             self.kernel.own = pull.lanes * (not pull.springs)     # threads of a point, that read no other's place
             if not self.integrator.stages:
                 beside(model, "wsim.physics.motion.forces", "LeapAdjoint", pull, self.kernel)
         launches = self.integrator.forces * (1 + pull.launches + self.acts)
         if self.steps:
-            self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
+            self.correct = kernels.velocity_correction_kernel(real, module)
+            self.settle = kernels.resting_kick_kernel(real, module)
             self.change, self.earlier = (wp.zeros(model.points, dtype=types(real).vec3, device=model.device) for _ in range(2))
             beside(model, "wsim.physics.motion.points", "CorrectAdjoint", model, self.correct)
             self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
@@ -128,7 +130,8 @@ class Explicit(Method):
         """Arrays that a march works on, in place. slip: None where it takes frames."""
         self.status.reserve(THROWN)
         s, frame = self.state, int(slip is None)
-        self.moving = filled(march_cpu.moving(self.model.real), x=s.x, d=d, q=q, v=s.v, carry=carry, slip=slip, frame=frame)
+        given = {"x": s.x, "d": d, "q": q, "v": s.v, "carry": carry, "slip": slip, "frame": frame}
+        self.moving = fill_struct(march_cpu.march_set(self.model.real), **given)
 
     def start(self, clock: Clock) -> None:
         s = self.state
@@ -140,7 +143,7 @@ class Explicit(Method):
         """Starts as `start` does, where others act within substeps: leapfrog goes on from its half step: all substeps are
         alike."""
         self.start(clock)
-        if self.state.has("b") and not clock.halved:
+        if self.state.has_point_field("b") and not clock.halved:
             self.model.copy(self.state.v, self.state.b)
 
     @property
@@ -150,14 +153,14 @@ class Explicit(Method):
 
     def step(self, clock: Clock, kick: float, drift: float, source: int):
         h, stride = clock.h, self.stride
-        return filled(kernels.steps(self.model.real), kick=kick * h, later=h, drift=drift * h, h=h, source=source,
-                      ahead=0.5 * h if len(self.integrator.steps) == 2 else 0.0, count=clock.substeps, stride=stride,
-                      row=clock.k * stride)
+        return fill_struct(kernels.explicit_steps(self.model.real), kick=kick * h, later=h, drift=drift * h, h=h, source=source,
+                           ahead=0.5 * h if len(self.integrator.steps) == 2 else 0.0, count=clock.substeps, stride=stride,
+                           row=clock.k * stride)
 
     def phase(self):
         """Arrays that a launch reads."""
         s = self.state
-        return filled(kernels.phases(self.model.real), x=s.x, d=self.pair, v=s.v, carry=self.carry, own=self.own)
+        return fill_struct(kernels.phase_spaces(self.model.real), x=s.x, d=self.pair, v=s.v, carry=self.carry, own=self.own)
 
     def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
         """Kicks from copy `source`; returns the copy that it ends in."""
@@ -165,7 +168,7 @@ class Explicit(Method):
         self.act(clock, float(drift == 0.0))
         if self.marches:
             step.count = 1
-            self.model.launch(self.march, 1, [self.net, self.pull.table, step, teams()()], [self.moving, self.pull.space])
+            self.model.launch(self.march, 1, [self.net, self.pull.table, step, team_type()()], [self.moving, self.pull.space])
             return source
         self.pull.launch(source, s.x, self.pair)
         kernel, more = (self.free.kernel, [self.free.bounds]) if self.free and clock.free else (self.kernel, [])
@@ -191,9 +194,9 @@ class Explicit(Method):
             self.act(clock, c)
             self.pull.launch(source, s.x, self.pair)
             reach, first, rows = m.after[number], clock.k * self.stride, self.stride and m.moments.index(m.after[number])
-            part = filled(self.staged.parts(self.model.real), c=reach * clock.h, b=b * clock.h, h=clock.h, source=source,
-                          row=first + rows, end=first + max(self.stride - 1, 0), curved=int(m.moments == (0.5, 1.0) and rows),
-                          last=int(number == m.forces - 1))
+            part = fill_struct(self.staged.stage_parts(self.model.real), c=reach * clock.h, b=b * clock.h, h=clock.h,
+                               source=source, row=first + rows, end=first + max(self.stride - 1, 0),
+                               curved=int(m.moments == (0.5, 1.0) and rows), last=int(number == m.forces - 1))
             self.model.launch(self.kernel, n * self.pull.lanes, [self.net, self.pull.force, self.phase(), part],
                               [self.pair, s.v, self.carry, self.own])
             source = 1 - source
@@ -203,9 +206,7 @@ class Explicit(Method):
 
     def read_out(self, clock: Clock, source: int) -> int:
         """Leapfrog's last half kick."""
-        if len(self.integrator.steps) < 2:
-            return source
-        return self.kick(clock, 0.5, 0.0, source)
+        return source if len(self.integrator.steps) < 2 else self.kick(clock, 0.5, 0.0, source)
 
     def frame(self, clock: Clock) -> None:
         """All substeps, a launch for each evaluation of the forces."""
@@ -240,7 +241,7 @@ class Explicit(Method):
 
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
-        if s.has("b") and clock.substeps > 1 and (self.model.fuser or clock.k == clock.substeps - 1):
+        if s.has_point_field("b") and clock.substeps > 1 and (self.model.fuser or clock.k == clock.substeps - 1):
             self.model.copy(self.earlier, self.change)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
                           [s.x, s.e, s.v, self.pair, self.change])
@@ -248,7 +249,7 @@ class Explicit(Method):
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
             self.model.copy(s.r, self.carry, 0, 0, self.model.points)
-        if clock.k == clock.substeps - 1 and s.has("b"):
+        if clock.k == clock.substeps - 1 and s.has_point_field("b"):
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
             self.impacts(self.change)
@@ -264,7 +265,7 @@ class Explicit(Method):
             contact = others.ports.contact
             self.free.meet(contact.clearance if contact else others.ports.free_flight)
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("doubt")] if status.said(THROWN)[0] else []
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -275,16 +276,15 @@ class Explicit(Method):
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
-        from wsim.physics.cloth.table import energy
+        from wsim.physics.cloth.table import stored_energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         now = self.muscles.present(self.rows) if self.muscles else self.rows
-        return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
+        return {"elastic_energy": stored_energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, weft, shear, bend, poisson of a cloth, stiffness of a net, damping [s] of either if there is some; what is
-        at rest."""
+        """stretch, weft, shear, bend, poisson of a cloth, stiffness of a net, damping [s] of either; what is at rest."""
         hit = any([table.set(path, name, value, world) for table in self.solids])
-        if hit := bool(changed(self.model, self.rows, path, name, value, world, self.damped)) or hit:
+        if hit := bool(apply_live_value(self.model, self.rows, path, name, value, world, self.damped)) or hit:
             self.send()
         return hit
 
@@ -297,4 +297,4 @@ class Explicit(Method):
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""
-        return frequency.least(self.model, self.integrator, self.solids)
+        return frequency.least_substeps(self.model, self.integrator, self.solids)

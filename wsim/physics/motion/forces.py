@@ -2,8 +2,8 @@
 
 On a GPU, and where gradients are asked for, a point's springs stand together, padded to equal numbers where that does not cost
 much, and are gathered by a few threads; else on a CPU every spring stands once, at its lower end, and is added to both
-(kernels/cloth/spring.py, kernels/motion/march_cpu.py). In which order a point's forces are added follows from the points of one
-world, so that worlds have the bits of one alone; how many threads share a point, from all.
+(kernels/cloth/spring.py, kernels/motion/fast_paths/march_cpu.py). In which order a point's forces are added follows from the
+points of one world, so that worlds have the bits of one alone; how many threads share a point, from all.
 """
 
 from itertools import zip_longest
@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.topology import incident
+from wsim.geometry.topology import incident_rows
 from wsim.kernels.cloth import spring as kernels
 from wsim.kernels.math.real import types
-from wsim.kernels.motion import march_cpu
-from wsim.kernels.motion import packets as lots
-from wsim.kernels.motion.cluster import Shares
+from wsim.kernels.motion.fast_paths import march_cpu
+from wsim.kernels.motion.fast_paths import simd_springs as lots
+from wsim.kernels.motion.fast_paths.cluster import Shares
 from wsim.model.model import Model
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.elements import Elements, Solid
+from wsim.physics.cloth.elements import CornerElements, SolidElements
 from wsim.physics.cloth.kind import SPRINGS
-from wsim.physics.motion.cluster import LARGE, MANY, cluster_of, halo
-from wsim.physics.motion.packets import Packets
-from wsim.physics.motion.threads import Abreast, cores, orders, shares
+from wsim.physics.motion.fast_paths.cluster import LARGE, MANY, cluster_for, exchange_halo
+from wsim.physics.motion.fast_paths.simd_springs import Packets
+from wsim.physics.motion.fast_paths.threads import Abreast, count_cores, march_orders, net_parts
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
@@ -40,14 +40,14 @@ class ForceGather:
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
-        self.cluster: Any = None         # `wsim.physics.motion.cluster.Cluster`, or of sheets `wsim.physics.fused.domains.Plan`
+        self.cluster: Any = None         # `fast_paths.cluster.SpringCluster`, of sheets `fused.domain_decomposition.BlockPlan`
         self.made, taken = False, alone if isinstance(alone, frozenset) else frozenset[str]()
         alone = bool(alone) and not taken
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
-            from wsim.physics.soft.fem import tables_of
-            self.tables = tables_of(model)
+            from wsim.physics.soft.fem import tet_tables
+            self.tables = tet_tables(model)
         self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
         self.added = bool(self.springs) and not (model.device.is_cuda or model.gradients)
         self.force: wp.array | None = None            # at the corners of elements
@@ -55,8 +55,8 @@ class ForceGather:
         alone = alone and not any(r.body and getattr(r.body.source, "actuation", None) for r in rows) and not model.scene.loads
         self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
         self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
-        self.alone = alone and self.only and _clusters(model.device) and not model.gradients
-        self.net = kernels.net(model.real)()
+        self.alone = alone and self.only and _forms_clusters(model.device) and not model.gradients
+        self.net = kernels.spring_nets(model.real)()
         for name in ("w", "object", "gravity", "decay"):
             setattr(self.net, name, getattr(constants, name))
         self.net.pin = model.upload(np.full(model.points, -1, np.int32) if columns is None else columns, int)
@@ -65,8 +65,8 @@ class ForceGather:
             self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
             self.values()
         kinds = sorted({r.kind for r in rows if r.row.gather != SPRINGS})
-        flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
-        self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
+        flat = [CornerElements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
+        self.elements: list[CornerElements | SolidElements] = [*flat, *(SolidElements(table) for table in self.tables)]
         # adjoints of elements ask p, the gradient by forces on points; those of stages, which are Warp's, leave it at corners
         self.direct = bool(self.elements) and not staged
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
@@ -74,23 +74,23 @@ class ForceGather:
         self.rates: wp.array | None = None            # and by their velocities
         self.sheets: Any = None
         self.domains: Any = None
-        if packed and not self.unpacked():
+        if packed and not self.why_unpacked():
             self.pack(flat, alone)
         else:
             self.divide(alone, taken)
 
-    def pack(self, flat: list[Elements], alone: bool) -> None:
+    def pack(self, flat: list[CornerElements], alone: bool) -> None:
         """Elements in packets."""
-        from wsim.physics.motion.sheets import Sheets
-        self.sheets = Sheets(self.model, flat, self.damped, cores() if alone else 1)
+        from wsim.physics.motion.fast_paths.simd_sheets import PacketSheets
+        self.sheets = PacketSheets(self.model, flat, self.damped, count_cores() if alone else 1)
         self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
         self.blocks = self.sheets.blocks
 
     def divide(self, alone: bool, taken: frozenset[str]) -> None:
         """Sheets among blocks that take whole frames; else elements, launch by launch."""
         if (alone or taken) and self.elements:
-            from wsim.physics.fused.domains import shared
-            self.domains = shared(self, taken)
+            from wsim.physics.motion.fused.domain_decomposition import shared_elements
+            self.domains = shared_elements(self, taken)
         if self.domains:
             self.cluster, self.shares = self.domains.plan, self.domains.data
         else:
@@ -107,14 +107,14 @@ class ForceGather:
         """Kernel that takes whole frames by a cluster. bounded: frames are watched."""
         plan, real = self.cluster, self.model.real
         if self.domains:
-            from wsim.kernels.fused import march
-            return march.frame(real, self.model.module_of(plan.threads), plan, self.damped, bounded)
-        from wsim.kernels.motion import cluster
-        return cluster.frame(real, self.model.module_of(plan.threads), plan, bounded)
+            from wsim.kernels.motion.fused import march
+            return march.frame_march_kernel(real, self.model.module_of(plan.threads), plan, self.damped, bounded)
+        from wsim.kernels.motion.fast_paths import cluster
+        return cluster.cluster_frame_kernel(real, self.model.module_of(plan.threads), plan, bounded)
 
-    def unpacked(self) -> str:
+    def why_unpacked(self) -> str:
         """What keeps elements from being taken in packets, or ""."""
-        kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements) and not e.row.packets})
+        kinds = sorted({e.kind for e in self.elements if isinstance(e, CornerElements) and not e.row.packets})
         why = {"gradients": self.model.gradients, "a GPU": self.model.device.is_cuda, "no elements": not self.elements,
                "Launches.fuses": self.model.fuses is not None, "springs beside them": bool(self.springs),
                "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
@@ -126,7 +126,7 @@ class ForceGather:
             return f" shared by {self.cluster.size} blocks"
         if self.model.device.is_cuda or self.model.gradients or not self.elements:
             return ""
-        return " in packets" if self.sheets else f", no packets: {self.unpacked() or 'stages, muscles or loads'}"
+        return " in packets" if self.sheets else f", no packets: {self.why_unpacked() or 'stages, muscles or loads'}"
 
     def march(self, module, bounded: bool):
         """Kernel that takes whole frames or substeps, of springs or sheets alone; bounded: frames are watched. None where
@@ -134,22 +134,22 @@ class ForceGather:
         if self.sheets:
             return self.sheets.march(module, bounded)
         if self.added and not self.elements:
-            return march_cpu.march(self.model.real, module, self.damped, bounded)
+            return march_cpu.cpu_march_kernel(self.model.real, module, self.damped, bounded)
         return None
 
     def place(self, ids: np.ndarray) -> None:
         """Entries: which spring stands where."""
         model, n, own = self.model, self.model.points, self.model.points // self.model.worlds
         if self.added:
-            self.packets(ids, orders(self.springs, model.bodies))
+            self.packets(ids, march_orders(self.springs, model.bodies))
             return
-        start, spring = incident(ids, n)
+        start, spring = incident_rows(ids, n)
         point = np.repeat(np.arange(n), np.diff(start))
         self.entry, other = spring, ids[spring].sum(1) - point
         most = int(np.diff(start).max())
         if self.alone:
             size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
-            self.cluster = cluster_of(own, most, size, np.dtype(model.dtype).itemsize)
+            self.cluster = cluster_for(own, most, size, np.dtype(model.dtype).itemsize)
         self.share_points(most)
         width = -(-most // self.sums) * self.sums
         if self.cluster or n <= FEW or n * width <= PADDED * len(spring):
@@ -167,8 +167,8 @@ class ForceGather:
         """Parts of a point's sum, of which there are `most` at most, and the threads that share them."""
         if self.shared:
             n, worlds = self.model.points, self.model.worlds
-            self.sums = self.cluster.lanes if self.cluster else _lanes(n // worlds, most)
-            self.lanes = min(self.sums, _lanes(n, most))
+            self.sums = self.cluster.lanes if self.cluster else _lanes_for(n // worlds, most)
+            self.lanes = min(self.sums, _lanes_for(n, most))
 
     def packets(self, ids: np.ndarray, order: np.ndarray) -> None:
         """The same on a CPU. order: of the points."""
@@ -178,15 +178,15 @@ class ForceGather:
             setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
         self.table.ends = model.upload(found.words(), wp.uint64)
         self.blocks = len(found.cost)
-        self.abreast = Abreast(model, shares(found, cores() if self.whole else 1))
-        self.table.row = lots.row(len(found.order))
-        self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
+        self.abreast = Abreast(model, net_parts(found, count_cores() if self.whole else 1))
+        self.table.row = lots.padded_row_length(len(found.order))
+        self.space = lots.march_buffer(model.real, self.table.row, len(found.entry), model.device)
 
     def share(self, point: np.ndarray, other: np.ndarray) -> None:
         """What each block of a world's cluster keeps; no cluster where points hang together too widely for that. point, other:
         ends of the springs of a world."""
         n, plan = self.model.points // self.model.worlds, self.cluster
-        found = plan and halo(plan, n, point, other, np.dtype(self.model.dtype).itemsize)
+        found = plan and exchange_halo(plan, n, point, other, np.dtype(self.model.dtype).itemsize)
         self.cluster = found[0] if found else None
         if found:
             self.shares = Shares()
@@ -220,7 +220,7 @@ class ForceGather:
         if model.gradients and any(e.damped for e in self.elements):
             self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
         if self.elements:
-            starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
+            starts, items = incident_rows(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
             if self.shared and not self.springs:
                 self.share_points(int(np.diff(starts).max()))
@@ -233,10 +233,10 @@ class ForceGather:
         if not (self.made or self.sheets):
             self.make()
         if self.added:
-            self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
+            self.pull = march_cpu.spring_pull_kernel(self.model.real, self.model.module, self.damped)
 
     def flags(self) -> tuple:
-        """Flags that `wsim.kernels.cloth.spring.acceleration` is made of."""
+        """Flags that `wsim.kernels.cloth.spring.acceleration_function` is made of."""
         return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped, "added": self.added,
                       "lanes": self.lanes, "sums": self.sums, "width": self.width, "exact": self.exact}.items())
 
@@ -287,12 +287,12 @@ class ForceGather:
                 + sum(e.ids.size * (4 + 3 * 2 * real) for e in self.elements))
 
 
-def _clusters(device) -> bool:
+def _forms_clusters(device) -> bool:
     """Whether blocks can form clusters: on the device, and in what Warp compiles for it (PTX may be for an older one)."""
     return device.is_cuda and min(device.arch, device.get_cuda_compile_arch()) >= 90
 
 
-def _lanes(n: int, most: int) -> int:
+def _lanes_for(n: int, most: int) -> int:
     """Threads that share a point on a GPU. H200, 12 springs a point, a launch: 1k points 4.3 us with 16, 4.6 with 4 and 10.3
     with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
     few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2

@@ -14,8 +14,8 @@ from wsim.kernels.motion import explicit_adjoint as kernels
 from wsim.kernels.soft import fem_adjoint as tets
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.model import Model
-from wsim.model.tape import adjoint_of, without
-from wsim.model.vjp import fixed, of_table, taken_along
+from wsim.model.tape import adjoint_of, without_gradient
+from wsim.model.vjp import fixed_adjoint, of_table, taken_along
 
 
 class ForceAdjoint:
@@ -33,7 +33,7 @@ class ForceAdjoint:
 
     def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
         """Arrays where gradients go."""
-        g = kernels.grads(self.model.real)()
+        g = kernels.point_gradients(self.model.real)()
         g.p, g.x, g.pair, g.corner = self.p, x.grad, pair.grad, None if force is None else force.grad
         return g
 
@@ -48,7 +48,7 @@ class ForceAdjoint:
     def leap(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of a leap, of the arrays that it has read and written."""
         (net, force, at, step), (pair_out, v_out, _) = read, wrote
-        out = kernels.outs(self.model.real)()
+        out = kernels.leap_gradients(self.model.real)()
         out.pair, out.v = pair_out.grad, v_out.grad
         self.model.launch(self.leap_adjoint, self.model.points * self.lanes,
                           [net, force, at.d, step, out, at.v.grad, adjoint_of(net), self.into(at.x, at.d, force)], [])
@@ -61,7 +61,7 @@ class LeapAdjoint(ForceAdjoint):
     def __init__(self, pull, leap):
         """leap: the kernel."""
         super().__init__(pull.model, pull, masses=True)
-        self.vjp = {leap: fixed(self.leap)}
+        self.vjp = {leap: fixed_adjoint(self.leap)}
 
 
 def element_adjoint(pull, element):
@@ -80,13 +80,13 @@ class Forces:
     def __init__(self, model: Model, pull, module: str):
         self.model, self.pull, vec3 = model, pull, types(model.real).vec3
 
-        def over(count, grad=True):
+        def zero_gradient_vectors(count, grad=True):
             return wp.zeros(count, dtype=vec3, device=model.device, requires_grad=grad)
         n = model.points
-        self.x, self.pair, self.f = over(n), over(4 * n), over(n, False)
-        self.corner = None if pull.force is None else over(pull.force.size, not pull.direct)
+        self.x, self.pair, self.f = zero_gradient_vectors(n), zero_gradient_vectors(4 * n), zero_gradient_vectors(n, False)
+        self.corner = None if pull.force is None else zero_gradient_vectors(pull.force.size, not pull.direct)
         flags = dict(pull.flags()) | {"lanes": 1, "sums": 1}                   # a thread a point
-        self.force = newton_adjoint.force(model.real, module, tuple(flags.items()))
+        self.force = newton_adjoint.implicit_force_kernel(model.real, module, tuple(flags.items()))
         self.back_force = ForceAdjoint(model, pull, False, module)
         self.launches: list[tuple] = []                  # of forces of corners
 
@@ -115,9 +115,9 @@ class Forces:
             found = a._cls()
             for name in a._cls.vars:
                 value = getattr(a, name)
-                setattr(found, name, without(value) if isinstance(value, wp.array) else value)
+                setattr(found, name, without_gradient(value) if isinstance(value, wp.array) else value)
             return found
-        return without(a) if a is self.x else a
+        return without_gradient(a) if a is self.x else a
 
     def transposed(self, p: wp.array, whole: bool) -> None:
         """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
@@ -142,7 +142,7 @@ class CornerAdjoint:
         """table: of `wsim.physics.soft.fem`; pull: says which corners each point has, and whether p is all that is to be
         known."""
         nodes = table.ids.shape[1]
-        make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[nodes]
+        make = {3: tets.pressure_adjoint_kernel, 4: tets.linear_adjoint_kernel, 10: tets.quadratic_adjoint_kernel}[nodes]
         kind = () if nodes == 3 else (table.material, table.damped)
         self.table, self.gathering = table, Gathering(model, pull, table, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
@@ -169,13 +169,13 @@ class FlatAdjoint:
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.physics.motion.forces`."""
         self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
-        make: Any = flat.corners
+        make: Any = flat.membrane_adjoint_kernel
         if elements.row.equation.rows == 1:
             from wsim.kernels.cloth.general import corners_adjoint
             make = partial(corners_adjoint, elements.row.equation)
         self.kernels = [make(model.real, model.module, elements.damped, parameters, pull.direct)
                         for parameters in (False, True)]
-        self.vjp = of_table(model, elements.kernel, elements.data, fixed(self.backward))
+        self.vjp = of_table(model, elements.kernel, elements.data, fixed_adjoint(self.backward))
 
     def backward(self, read: list, wrote: list) -> None:
         """Backward pass, as that of `CornerAdjoint`."""
@@ -194,12 +194,13 @@ class BentAdjoint:
         """elements, pull: of `wsim.physics.motion.forces`."""
         how = model.real, model.module, elements.damped
         self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
-        self.products, self.sums = bent.products(*how, pull.direct), curvature.sums(model.real, model.module, both=True)
-        self.kernels = [bent.corners(*how, parameters, pull.direct) for parameters in (False, True)]
-        self.values = bent.values(model.real, model.module)
+        self.products, self.sums = (bent.bending_product_kernel(*how, pull.direct),
+                                    curvature.curvature_sum_kernel(model.real, model.module, both=True))
+        self.kernels = [bent.bending_adjoint_kernel(*how, parameters, pull.direct) for parameters in (False, True)]
+        self.values = bent.curvature_adjoint_kernel(model.real, model.module)
         along = (elements.strained, elements.curvature.sums)
-        self.vjp = (of_table(model, elements.kernel, elements.data, fixed(self.backward))
-                    | dict.fromkeys(along, fixed(taken_along)))
+        self.vjp = (of_table(model, elements.kernel, elements.data, fixed_adjoint(self.backward))
+                    | dict.fromkeys(along, fixed_adjoint(taken_along)))
 
     def backward(self, read: list, wrote: list) -> None:
         """Backward pass, as that of `CornerAdjoint`."""
@@ -224,15 +225,15 @@ class Gathering:
         self.model, self.pull, self.damped, self.size = model, pull, damped, kind.ids.size
         first = pull.elements[0]
         self.last = kind in (first, getattr(first, "table", None))              # backwards
-        self.take = (gathers.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
-                     gathers.take(model.real, model.module))
+        self.take = (gathers.corner_gather_kernel(model.real, model.module, pull.lanes, pull.rates is not None)
+                     if pull.direct else gathers.corner_range_kernel(model.real, model.module))
 
     def corners(self, force: wp.array) -> wp.array:
         """Arrays where their gradients go: those by these forces, or in their place."""
         return self.pull.by_corners or force.grad
 
     def work(self, corners: wp.array):
-        found = gathers.works(self.model.real)()
+        found = gathers.adjoint_works(self.model.real)()
         found.p, found.corners, found.rates = self.pull.p if self.pull.direct else None, corners, self.pull.rates
         return found
 

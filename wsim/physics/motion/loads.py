@@ -13,22 +13,22 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import load as kernels
-from wsim.model.model import Body, Model
+from wsim.model.model import Model, PointBody
 from wsim.model.stage import Clock, Method, Methods, Ports, Stage
 from wsim.model.vjp import beside
 from wsim.scene import Load, Problem, SceneError
-from wsim.scene.nodal.loads import given_curve, nodal
+from wsim.scene.nodal.loads import given_curve, nodal_load_shares
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 
-class Borne:
+class BorneLoad:
     """A load of one world: its curve, its column of the table, and who bears it."""
 
-    def __init__(self, load: Load, body: Body, model: Model):
+    def __init__(self, load: Load, body: PointBody, model: Model):
         self.load, self.body, self.curve = load, body, load.curve
-        places, self.parts = nodal(load, body)
+        places, self.parts = nodal_load_shares(load, body)
         self.places = model.shared(places)
 
 
@@ -42,13 +42,13 @@ class Loads(Method):
     def __init__(self, model: Model, clock: Clock, points):
         """points: the method that owns gravity and inverse masses."""
         super().__init__("loads")
-        self.blocks: Any = None          # `wsim.physics.fused.domains.Sheets` that take loads along
+        self.blocks: Any = None          # `wsim.physics.motion.fused.domain_decomposition.ClusterSheets` that take loads along
         self.model, self.clock, self.points, self.changed, self.time = model, clock, points, True, -clock.dt
-        self.borne = [Borne(load, b, model) for load in model.scene.loads for b in model.bodies if b.path == load.body]
+        self.borne = [BorneLoad(load, b, model) for load in model.scene.loads for b in model.bodies if b.path == load.body]
         real, t, module = model.real, types(model.real), model.module
         self.gravity = points.constants.gravity
         self.tables(t)
-        self.bear = kernels.bear(real, module)
+        self.bear = kernels.load_bearing_kernel(real, module)
         self.adjoint = beside(model, "wsim.physics.motion.points", "LoadsAdjoint", self)
         self.offers = Ports(loads=self)
         self.make(clock)
@@ -64,7 +64,7 @@ class Loads(Method):
 
     def tables(self, t) -> None:
         """Entries by point and by load."""
-        model, c = self.model, kernels.entries(self.model.real)()
+        model, c = self.model, kernels.load_entries(self.model.real)()
         owner = np.concatenate([b.places for b in self.borne])
         order = np.argsort(owner, kind="stable")
         load = np.repeat(np.arange(len(self.borne)), [len(b.places) for b in self.borne])[order]
@@ -86,10 +86,10 @@ class Loads(Method):
 
     def stage(self) -> None:
         """Stage for solvers whose forces of a substep are at one time."""
-        def act(clock: Clock) -> None:
+        def act_at_substep(clock: Clock) -> None:
             self.act(clock.k)
         size = len(self.point) * 40 + self.entries.load.size * 16
-        self.stages.append(Stage("loads", "pose", act, 1, size, what=f"{len(self.point)} points"))
+        self.stages.append(Stage("loads", "pose", act_at_substep, 1, size, what=f"{len(self.point)} points"))
 
     def act(self, row: int) -> None:
         """Accelerations of a row, see `Clock.acting`."""

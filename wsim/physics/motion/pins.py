@@ -10,16 +10,16 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
-from wsim.model.midnodes import held, spread
-from wsim.model.model import Body, Model
+from wsim.model.midnodes import held_with_midnodes, with_midnode_values
+from wsim.model.model import Model, PointBody
 from wsim.model.ports import NONE, Ports
 from wsim.model.stage import Clock, Method, Methods, Stage
-from wsim.model.state import State
-from wsim.model.structs import filled, values
+from wsim.model.state import SimulationState
+from wsim.model.structs import fill_struct, struct_values
 from wsim.scene import Motion, Pin
 
 if TYPE_CHECKING:
-    from wsim.physics.motion.points import Points
+    from wsim.physics.motion.points import FreePoints
     from wsim.simulation.methods import Build
 
 
@@ -30,17 +30,17 @@ def build(b: Build) -> Pins:
 class _Pinned:
     """A pin of one world: its places in the arrays and its points in the target's frame."""
 
-    def __init__(self, pin: Pin, body: Body):
+    def __init__(self, pin: Pin, body: PointBody):
         self.pin, self.body = pin, body
-        self.places, ends = held(body, pin.points)
+        self.places, ends = held_with_midnodes(body, pin.points)
         self.ends = ends
         self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
         start = body.source.motion.points(body.source.points[pin.points], 0.0)
-        self.motion: Any = pin.motion if pin.follows is None else _following(pin.follows, ends)
-        self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
+        self.motion: Any = pin.motion if pin.follows is None else _following_motion(pin.follows, ends)
+        self.locals = with_midnode_values(pin.places if pin.places is not None else _local_places(pin.motion, start), ends)
 
     @property
-    def evaluated(self) -> bool:
+    def evaluated_on_device(self) -> bool:
         """True if it moves and the device evaluates its targets."""
         return self.motion.moves and getattr(self.motion, "by_keys", False)
 
@@ -67,12 +67,12 @@ class _Pinned:
         return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
 
 
-def _following(follow, ends: np.ndarray):
-    from wsim.physics.animation.pin_targets import Following
-    return Following(follow, ends)
+def _following_motion(follow, ends: np.ndarray):
+    from wsim.physics.animation.pin_targets import FollowedPlaces
+    return FollowedPlaces(follow, ends)
 
 
-def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
+def _local_places(motion: Motion, places: np.ndarray) -> np.ndarray:
     M = motion.at(0.0)
     return np.linalg.solve(M[:3, :3], (places - M[:3, 3]).T).T
 
@@ -82,7 +82,7 @@ def pins_of(model: Model) -> list[_Pinned]:
     return [_Pinned(p, b) for p in model.scene.pins for b in model.bodies if b.path == p.body]
 
 
-def turns(places: np.ndarray) -> list[np.ndarray]:
+def pin_turns(places: np.ndarray) -> list[np.ndarray]:
     """Pins in turns, by the place of the point that each pulls: the first pin of each point, the second of those with two.."""
     order = np.argsort(places, kind="stable")
     first = np.searchsorted(places[order], places[order])
@@ -95,7 +95,7 @@ class Pins(Method):
     """Stages pose and, where a step of several solves ends, put (hard pins), hold (soft pins). Targets of a whole frame are
     computed in float64 before it, on the device, only when a pin moves or was set; on the host where a motion is no curve."""
 
-    def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
+    def __init__(self, model: Model, state: SimulationState, points: FreePoints, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
         super().__init__("pins")
         self.alike = points.integrator.solves == 1
@@ -106,10 +106,10 @@ class Pins(Method):
         self.place: dict[str, wp.array] = {}
         self.target: dict[str, wp.array] = {}
         self.changed = True
-        self.sampled: dict[str, Any] = {}                   # `wsim.physics.animation.pin_targets.Targets`
+        self.sampled: dict[str, Any] = {}                   # `wsim.physics.animation.pin_targets.PinTargets`
         self.own: dict[str, list[bool]] = {}                # which pins of a group they have
         self.at: dict[str, np.ndarray] = {}                 # moments of their targets in a frame [s]
-        self.rates: Any = None                              # `wsim.physics.animation.pin_targets.Rates`
+        self.rates: Any = None                              # `wsim.physics.animation.pin_targets.PinVelocities`
         self.driven: list[_Pinned] = []                     # which rigid bodies carry within the frame
         # greatest speed of each hard pin in the frame [m/s], 0 of those in `unseen`
         self.pull = wp.zeros(len(self.groups["hard"]), dtype=wp.float64, device=model.device)
@@ -122,12 +122,12 @@ class Pins(Method):
                                              requires_grad=model.gradients)
         self.explicit = explicit
         if self.groups["hard"] and not explicit:
-            self.move = kernels.move_pins(real, module)
+            self.move = kernels.pin_motion_kernel(real, module)
             n = self.place["hard"].size
             self.stages.append(Stage("pins", "predict", self.pose, 1, n * 40, what=f"{n} points"))
             if points.integrator.solves > 1:
-                from wsim.kernels.motion.sdirk3 import place_pins
-                self.place_kernel = place_pins(real, module)
+                from wsim.kernels.motion.sdirk3 import sdirk3_pin_kernel
+                self.place_kernel = sdirk3_pin_kernel(real, module)
                 self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
         self.carried = [p for p in self.groups["hard"] if not p.motion.plain and not model.gradients]
         if self.carried:
@@ -140,14 +140,14 @@ class Pins(Method):
     def add_carried(self, t, real, module) -> None:
         """Adds velocities of curves other than linear keys, which are known: at the end of a frame points have it, to no
         order."""
-        self.carry = kernels.carry_pins(real, module)
+        self.carry = kernels.pin_velocity_kernel(real, module)
         places = np.concatenate([p.places for p in self.carried])
         self.at_ends = self.model.upload(places.astype(np.int32), int)
         self.speed = wp.zeros(len(places), dtype=t.vec3, device=self.model.device)
-        self.stages.append(Stage("pin velocities", "deform", self.hurry, 1, len(places) * 28, rate="frame",
+        self.stages.append(Stage("pin velocities", "deform", self.set_end_velocities, 1, len(places) * 28, rate="frame",
                                  what=f"{len(places)} points"))
 
-    def hurry(self, clock: Clock) -> None:
+    def set_end_velocities(self, clock: Clock) -> None:
         self.model.launch(self.carry, self.at_ends.size, [self.at_ends, self.speed], [self.state.v])
 
     def add_soft(self, t, real, module) -> None:
@@ -158,10 +158,10 @@ class Pins(Method):
         self.soft.alpha = self.model.upload(np.repeat([1.0 / (p.part * p.pin.stiffness) for p in group], each), t.scalar)
         self.soft.damping = self.model.upload(np.repeat([p.part * p.pin.damping for p in group], each), t.scalar)
         self.lam = wp.zeros(n, dtype=t.vec3, device=self.model.device)
-        self.hold_kernel = kernels.hold_pins(real, module)
-        shared = values(self.soft)
-        self.turns = [(len(pins), filled(kernels.soft_pins(real), **shared | {"turn": self.model.upload(pins, int)}))
-                      for pins in turns(self.place["soft"].numpy())]
+        self.hold_kernel = kernels.pin_holding_kernel(real, module)
+        shared = struct_values(self.soft)
+        self.turns = [(len(pins), fill_struct(kernels.soft_pins(real), **shared | {"turn": self.model.upload(pins, int)}))
+                      for pins in pin_turns(self.place["soft"].numpy())]
         if len(self.turns) == 1:
             self.turns = [(n, self.soft)]
         self.stages.append(Stage("soft pins", "solve", self.hold, len(self.turns), n * 80, "iteration", f"{n} points"))
@@ -172,15 +172,16 @@ class Pins(Method):
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
-        """Soft pins act within Newton steps, where there are some, or explicit ones take them (kernels/fused/hold.py)."""
+        """Soft pins act within Newton steps, where there are some, or explicit ones take them
+        (kernels/motion/fused/hold.py)."""
         if "soft pins" in (others.ports.fused_effects or ()):
             self.stages = [s for s in self.stages if s.name != "soft pins"]
         terms, adjoint = others.ports.newton_terms, others.ports.solve_adjoint
         if terms is None or not self.groups["soft"]:
             return
-        from wsim.physics.solver.soft_pin import SoftPins
+        from wsim.physics.motion.soft_pins.soft_pin import NewtonSoftPins
         self.stages = [s for s in self.stages if s.name != "soft pins"]
-        term = SoftPins(others.ports.newton_assembly, self)
+        term = NewtonSoftPins(others.ports.newton_assembly, self)
         self.soft.first, self.soft.item = term.first, term.item
         terms.append(term)
         if adjoint:
@@ -207,7 +208,7 @@ class Pins(Method):
         s, solves = self.state, clock.integrator.solves
         if solves > 1 and clock.ends:
             pinned, row = self.place["hard"], clock.k + clock.k // solves + 1
-            at = filled(kernels.states(self.model.real), x=s.x, e=s.e, s=s.s)
+            at = fill_struct(kernels.point_states(self.model.real), x=s.x, e=s.e, s=s.s)
             self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], at, row, solves * clock.h],
                               [s.x, s.e, s.v])
 
@@ -215,7 +216,7 @@ class Pins(Method):
         s = self.state
         if clock.i == 0:
             (self.model.tape or self.model).zero(self.lam)
-        at = filled(kernels.states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
+        at = fill_struct(kernels.point_states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
         target, row = clock.read_rows(self.target["soft"], clock.k)
         for count, soft in self.turns:
             self.model.launch(self.hold_kernel, count, [soft, target, at, self.lam, row, clock.g], [s.d, self.lam])
@@ -223,7 +224,7 @@ class Pins(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves
         if self.carried:
-            self.hasten(time, clock.dt)
+            self.upload_end_velocities(time, clock.dt)
         at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
         if self.explicit and not moves and not self.groups["soft"]:
             at = {kind: moments[:1] for kind, moments in at.items()}
@@ -239,22 +240,22 @@ class Pins(Method):
         own = self.own.get("hard", [False] * len(self.groups["hard"]))
         return [p for p, mine in zip(self.groups["hard"], own, strict=True) if not mine and p.motion.moves]
 
-    def hasten(self, time: float, dt: float) -> None:
+    def upload_end_velocities(self, time: float, dt: float) -> None:
         """Velocities of what goes by smooth curves, where the frame of dt [s] that starts at a time [s] ends."""
         if not all(getattr(p.motion, "by_keys", False) for p in self.carried):
             self.speed.assign(np.concatenate([p.speed(time + dt) for p in self.carried]).astype(self.model.dtype))
             return
         if self.rates is None or any(p.motion is not m for p, m in zip(self.carried, self.rates.motions, strict=True)):
-            from wsim.physics.animation.pin_targets import Rates
-            self.rates = Rates(self.carried, dt, self.speed, self.model.real)
+            from wsim.physics.animation.pin_targets import PinVelocities
+            self.rates = PinVelocities(self.carried, dt, self.speed, self.model.real)
         self.rates.launch(time)
 
     def aim(self, kind: str, time: float, dt: float, at: np.ndarray) -> None:
         """Targets of a group in the frame of dt [s] that starts at a time [s]; at: times in it."""
         group, rows = self.groups[kind], self.target[kind].shape[0]
         if anew := self.changed or rows != len(at) or not np.array_equal(self.at.get(kind, np.zeros(0)), at):
-            self.own[kind], self.at[kind] = [p.evaluated for p in group], at
-            moving = {p.pin.path for g in self.groups.values() for p in g if not p.evaluated and p.motion.moves}
+            self.own[kind], self.at[kind] = [p.evaluated_on_device for p in group], at
+            moving = {p.pin.path for g in self.groups.values() for p in g if not p.evaluated_on_device and p.motion.moves}
             moving -= {p.pin.path for p in self.driven}
             self.evaluates["targets"] = sorted(moving)
         own = self.own[kind]
@@ -270,8 +271,8 @@ class Pins(Method):
                 self.target[kind].assign(values.astype(self.model.dtype))
         if any(own):
             if kind not in self.sampled:
-                from wsim.physics.animation.pin_targets import Targets
-                self.sampled[kind] = Targets(self.model.device, self.model.real)
+                from wsim.physics.animation.pin_targets import PinTargets
+                self.sampled[kind] = PinTargets(self.model.device, self.model.real)
             if anew:
                 self.sampled[kind].take(group, own, at, dt, self.target[kind], self.pull if kind == "hard" else None)
             self.sampled[kind].launch(time)

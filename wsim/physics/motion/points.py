@@ -11,16 +11,16 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
-from wsim.model.model import Body, Model, hard_places
-from wsim.model.stage import ByWorld, Clock, Method, Methods, Ports, Remedy, Stage, of_world
-from wsim.model.state import State
-from wsim.model.status import Status
-from wsim.model.structs import filled
+from wsim.model.model import Model, PointBody, hard_places
+from wsim.model.stage import ByWorld, Clock, Method, Methods, Ports, Remedy, Stage, value_of_world
+from wsim.model.state import SimulationState
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import AT_REST
 from wsim.scene import Springs
 from wsim.scene.integrator import Integrator
-from wsim.scene.nodal.masses import density_of
+from wsim.scene.nodal.masses import single_density
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 NOT_FINITE = "points: not finite"        # status word: 1 + row of the last point that is not
 
 
-def build(b: Build) -> Points:
+def build(b: Build) -> FreePoints:
     struck = None
     if b.reasons["contact"] and b.clock.integrator.memory:
         struck = wp.zeros(b.model.points, dtype=b.model.real, device=b.model.device)
-    return Points(b.model, b.state, b.status, struck, b.choice.integrator)
+    return FreePoints(b.model, b.state, b.status, struck, b.choice.integrator)
 
 
 class Euler:
@@ -44,10 +44,11 @@ class Euler:
 
     moved = 4, 6
 
-    def __init__(self, points: Points, row: Integrator):
+    def __init__(self, points: FreePoints, row: Integrator):
         self.points, self.row, self.model, self.state = points, row, points.model, points.state
         real, module = self.model.real, self.model.module
-        self.kernels = {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
+        self.kernels = {"predict": kernels.euler_prediction_kernel(real, module),
+                        "finish": kernels.euler_finish_kernel(real, module)}
         beside(self.model, __name__, "EulerAdjoint", self)
         self.make(real, module)
 
@@ -66,21 +67,21 @@ class Euler:
         self.launch("finish", [self.points.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
 
 
-class Prolonged(Euler):
+class ProlongedEuler(Euler):
     """One node before the end of the step (implicit midpoint)."""
 
     def make(self, real, module: str) -> None:
-        self.kernels["end"] = kernels.finish_beyond(real, module, self.row.nodes[0])
+        self.kernels["end"] = kernels.beyond_finish_kernel(real, module, self.row.nodes[0])
         self.more = 1.0 / self.row.nodes[0] - 1.0
         self.met = False                  # contacts act where substeps end, and have d and v there
 
     def meet(self) -> None:
         """Makes what contacts need that act where substeps end."""
-        self.met, self.kernels["land"] = True, kernels.land(self.model.real, self.model.module)
+        self.met, self.kernels["land"] = True, kernels.point_landing_kernel(self.model.real, self.model.module)
 
     def surfaces(self) -> None:
         """Makes what surfaces need besides where there are no colliders."""
-        self.kernels["prolong"] = kernels.prolong(self.model.real, self.model.module, self.row.nodes[0])
+        self.kernels["prolong"] = kernels.beyond_prolong_kernel(self.model.real, self.model.module, self.row.nodes[0])
 
     def prolong(self, clock: Clock, ahead: wp.array) -> None:
         """d and v become those of the end of the substep, before contacts; ahead: d."""
@@ -100,11 +101,11 @@ class Multistep(Euler):
     moved = 6, 11
 
     def make(self, real, module: str) -> None:
-        self.kernels |= {"on": kernels.predict_bdf2(real, module), "end": kernels.finish_bdf2(real, module)}
+        self.kernels |= {"on": kernels.bdf2_prediction_kernel(real, module), "end": kernels.bdf2_finish_kernel(real, module)}
 
     def predict(self, clock: Clock) -> None:
         s, points = self.state, self.points
-        if clock.remembers:
+        if clock.carries_history:
             self.launch("on", [points.constants, s.e, s.v, s.s, s.u, clock.g], [points.anchor, s.d])
         else:
             super().predict(clock)
@@ -119,17 +120,18 @@ class Staged(Euler):
 
     def make(self, real, module: str) -> None:
         from wsim.kernels.motion import sdirk3
-        self.kernels |= {"stage": sdirk3.finish_stage(real, module), "step": sdirk3.finish_step(real, module)}
+        self.kernels |= {"stage": sdirk3.stage_finish_kernel(real, module), "step": sdirk3.sdirk3_finish_kernel(real, module)}
 
     def finish(self, clock: Clock) -> None:
         s, before = self.state, {"s": self.state.s, "u": self.state.u} if clock.ends else {}
         self.launch("step" if clock.ends else "stage", [self.points.at(d=s.d, **before), clock.g], [s.x, s.e, s.v, s.s, s.u])
 
 
-class Points(Method):
+class FreePoints(Method):
     """Stages predict and finish, and the guard that no position stops being a number."""
 
-    def __init__(self, model: Model, state: State, status: Status, struck: wp.array | None, integrator: Integrator):
+    def __init__(self, model: Model, state: SimulationState, status: FrameStatus, struck: wp.array | None,
+                 integrator: Integrator):
         super().__init__("points", by_world=True)
         status.reserve(NOT_FINITE)
         self.model, self.state, self.status, self.struck = model, state, status, struck
@@ -138,7 +140,7 @@ class Points(Method):
         self.loads: Any = None                        # the method that adds to gravity, see `wsim.physics.motion.loads`
         self.constants = self.tables()
         self.offers = Ports(points=self, constants=self.constants, densities=self.densities)
-        self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
+        self.kernels = {"guard": kernels.not_finite_kernel(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
         if integrator.g:
             self.implicit(size, integrator)
@@ -159,7 +161,7 @@ class Points(Method):
         scene, bodies = model.scene, model.bodies
         inverse = 1.0 / model.stack("masses")
         inverse[hard_places(model)] = 0.0
-        c = kernels.constants(model.real)()
+        c = kernels.point_constants(model.real)()
         c.w = model.upload(inverse, t.scalar)
         own = np.repeat([b.number for b in bodies], [b.count for b in bodies])
         rows = model.points if model.by_point else len(bodies)       # gradients of many points are not summed by atomics
@@ -171,12 +173,12 @@ class Points(Method):
     @property
     def anchor(self) -> wp.array:
         """Backward Euler without contacts measures velocity from e itself: no array of its own."""
-        return self.state.a if self.state.has("a") else self.state.e
+        return self.state.a if self.state.has_point_field("a") else self.state.e
 
     def at(self, **others: wp.array | None):
         """The struct of x, e, v and others, for a launch."""
         s = self.state
-        return filled(kernels.states(self.model.real), x=s.x, e=s.e, v=s.v, **others)
+        return fill_struct(kernels.point_states(self.model.real), x=s.x, e=s.e, v=s.v, **others)
 
     def now(self, clock: Clock) -> Euler:
         """Integrator that steps now."""
@@ -192,7 +194,7 @@ class Points(Method):
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v],
                           [self.status.word(NOT_FINITE)])
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         bad = int(status.said(NOT_FINITE)[0])
         return [Remedy("refine", part="points", row=bad - 1)] if bad else []
 
@@ -204,8 +206,8 @@ class Points(Method):
         if name in ("density", "mass"):
             return (self.weigh if name == "density" else self.scale)(bodies, value)
         if name in AT_REST:
-            from wsim.physics.cloth.rest_shape import reshape
-            reshape(self.model, name, value, bodies, self.densities)
+            from wsim.physics.cloth.rest_shape import reshape_bodies
+            reshape_bodies(self.model, name, value, bodies, self.densities)
             self.send(bodies)
             return bool(bodies)
         if name not in ("gravity", "air_drag") or not rows:
@@ -226,25 +228,25 @@ class Points(Method):
             values[self.loads.point] = self.loads.own.numpy()
         return values[self.constants.object.numpy()]
 
-    def weigh(self, bodies: list[Body], density: float | ByWorld) -> bool:
-        """Masses follow the density; False where a body has none (`wsim.scene.nodal.masses.density_of`), or shares points with
-        another."""
-        if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
+    def weigh(self, bodies: list[PointBody], density: float | ByWorld) -> bool:
+        """Masses follow the density; False where a body has none (`wsim.scene.nodal.masses.single_density`), or shares points
+        with another."""
+        if not bodies or self.model.alias is not None or any(single_density(b.source) is None for b in bodies):
             return False
         for b in bodies:
-            before = self.densities.get(b.number) or density_of(b.source)
+            before = self.densities.get(b.number) or single_density(b.source)
             assert before is not None
-            own = float(of_world(density, b.world))
+            own = float(value_of_world(density, b.world))
             b.masses, self.densities[b.number] = b.masses * (own / before), own
         self.send(bodies)
         return True
 
-    def scale(self, bodies: list[Body], mass: float | ByWorld) -> bool:
+    def scale(self, bodies: list[PointBody], mass: float | ByWorld) -> bool:
         """Points of spring nets get this mass [kg] together, in the proportions that they have."""
         if not bodies or self.model.alias is not None or not all(isinstance(b.source, Springs) for b in bodies):
             return False
         for b in bodies:
-            b.masses = b.masses * (float(of_world(mass, b.world)) / b.masses.sum())
+            b.masses = b.masses * (float(value_of_world(mass, b.world)) / b.masses.sum())
         self.send(bodies)
         return True
 
@@ -258,7 +260,7 @@ class Points(Method):
             w[own] = 0.0 if held else np.where(free > 0.0, 1.0 / masses, 0.0)
         self.constants.w.assign(w)
 
-    def send(self, bodies: list[Body]) -> None:
+    def send(self, bodies: list[PointBody]) -> None:
         """Uploads their masses."""
         w = self.constants.w.numpy()
         for b in bodies if self.model.alias is None else ():

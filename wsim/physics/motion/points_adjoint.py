@@ -8,7 +8,7 @@ from wsim.kernels.motion import load
 from wsim.kernels.motion import points_adjoint as kernels
 from wsim.model.model import Model
 from wsim.model.tape import adjoint_of
-from wsim.model.vjp import fixed
+from wsim.model.vjp import fixed_adjoint
 
 
 class EulerAdjoint:
@@ -18,8 +18,9 @@ class EulerAdjoint:
     def __init__(self, euler):
         """euler: `wsim.physics.motion.points.Euler`."""
         model = self.model = euler.model
-        self.kernels = kernels.predict_adjoint(model.real, model.module), kernels.finish_adjoint(model.real, model.module)
-        self.vjp = {euler.kernels[name]: fixed(getattr(self, name)) for name in ("predict", "finish")}
+        self.kernels = (kernels.prediction_adjoint_kernel(model.real, model.module),
+                        kernels.finish_adjoint_kernel(model.real, model.module))
+        self.vjp = {euler.kernels[name]: fixed_adjoint(getattr(self, name)) for name in ("predict", "finish")}
 
     def predict(self, read: list, wrote: list) -> None:
         (constants, e, v, g), (a, d) = read, wrote
@@ -36,12 +37,12 @@ class CorrectAdjoint:
 
     def __init__(self, model: Model, correct):
         """correct: the kernel."""
-        self.model, self.kernel = model, kernels.correct_adjoint(model.real, model.module)
-        self.vjp = {correct: fixed(self.backward)}
+        self.model, self.kernel = model, kernels.correction_adjoint_kernel(model.real, model.module)
+        self.vjp = {correct: fixed_adjoint(self.backward)}
 
     def backward(self, read: list, wrote: list) -> None:
         (at, pair, step), (x_out, _, v_out, pair_out, change) = read, wrote
-        by = kernels.corrected(self.model.real)()
+        by = kernels.correction_gradients(self.model.real)()
         arrays = {"x_out": x_out, "v_out": v_out, "pair_out": pair_out, "change": change, "pair": pair,
                   **{name: getattr(at, name) for name in "daexv"}}
         for name, array in arrays.items():
@@ -54,7 +55,8 @@ class LoadsAdjoint:
 
     def __init__(self, loads):
         self.loads, model = loads, loads.model
-        self.shares, self.release = load.shares(model.real, model.module), load.release(model.real, model.module)
+        self.shares, self.release = (load.load_share_kernel(model.real, model.module),
+                                     load.load_release_kernel(model.real, model.module))
         self.part = wp.zeros(len(loads.borne) * load.LANES, dtype=types(model.real).vec3, device=model.device)
 
     def take(self, row: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, Water
 from wsim.physics.mpm.seeding import place_particles
 from wsim.scene import Problem, Scene, Surface, solids
-from wsim.scene.check.objects import error, number, rigid, warning
+from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
 
 COURANT = 0.5              # cells that a wave may cross in a step, as kernels/particles/mpm/motion.py
 MOST = 100_000             # steps of a frame, as kernels/particles/mpm/steps.py
@@ -18,18 +18,18 @@ SPARSE = 1.5               # cells between points, beyond which what is whole co
 
 def check(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     """Problems of one body."""
-    found = [*check_material(thing), *number(thing.path, "cell", thing.cell, 0.0, True), *check_places(thing),
-             *rigid(thing.path, thing.motion, "put the scale into the shape's sizes")]
+    found = [*check_material(thing), *check_number(thing.path, "cell", thing.cell, 0.0, True), *check_places(thing),
+             *check_rigid_motion(thing.path, thing.motion, "put the scale into the shape's sizes")]
     yield from found
     first = scene.things("MaterialPoints")[0]
     if thing.cell != first.cell:
-        yield error(thing.path, f"cell is {thing.cell:g} m, and {first.path} has {first.cell:g} m", "one cell size for all",
-                    f"give it cell={first.cell:g}")
+        yield thing_error(thing.path, f"cell is {thing.cell:g} m, and {first.path} has {first.cell:g} m",
+                           "one cell size for all", f"give it cell={first.cell:g}")
     if not any(problem.fatal for problem in found):
         yield from check_step(thing, scene)
         if thing.points is None and not len(place_particles(thing).x):
-            yield error(thing.path, f"its shape holds no particle: cells are {thing.cell:g} m", "a shape of a cell or more",
-                        "give smaller cells, or a larger shape")
+            yield thing_error(thing.path, f"its shape holds no particle: cells are {thing.cell:g} m",
+                               "a shape of a cell or more", "give smaller cells, or a larger shape")
 
 
 def check_material(thing: MaterialPoints) -> Iterator[Problem]:
@@ -37,26 +37,27 @@ def check_material(thing: MaterialPoints) -> Iterator[Problem]:
     path = thing.path
     m: Any = thing.material
     if type(m) not in MATERIALS.values():
-        yield error(path, f"material is {m!r}", f"Jelly, Snow, Granular, Water, or one of {', '.join(MATERIALS)}",
-                    "give it one of these")
+        yield thing_error(path, f"material is {m!r}", f"Jelly, Snow, Granular, Water, or one of {', '.join(MATERIALS)}",
+                           "give it one of these")
         return
-    yield from number(path, "density", m.density, 0.0, True)
-    yield from number(path, "viscosity", m.viscosity, 0.0)
+    yield from check_number(path, "density", m.density, 0.0, True)
+    yield from check_number(path, "viscosity", m.viscosity, 0.0)
     if isinstance(m, Water):
-        yield from number(path, "bulk", m.bulk, 0.0, True)
-        yield from number(path, "exponent", m.exponent, 1.0, True)
+        yield from check_number(path, "bulk", m.bulk, 0.0, True)
+        yield from check_number(path, "exponent", m.exponent, 1.0, True)
         return
-    yield from number(path, "young", m.young, 0.0, True)
+    yield from check_number(path, "young", m.young, 0.0, True)
     if not -1.0 < m.poisson < 0.5:
-        yield error(path, f"poisson is {m.poisson:g}", "above -1 and below 0.5", "give another, such as 0.3")
+        yield thing_error(path, f"poisson is {m.poisson:g}", "above -1 and below 0.5", "give another, such as 0.3")
     if isinstance(m, Jelly) and m.model not in ("neo_hookean", "corotational"):
-        yield error(path, f"model is {m.model!r}", "neo_hookean, corotational", "give it one of these")
+        yield thing_error(path, f"model is {m.model!r}", "neo_hookean, corotational", "give it one of these")
     if isinstance(m, Granular):
-        yield from number(path, "cohesion", m.cohesion, 0.0)
+        yield from check_number(path, "cohesion", m.cohesion, 0.0)
         if m.cone not in CONES:
-            yield error(path, f"cone is {m.cone!r}", ", ".join(CONES), "give it one of these")
+            yield thing_error(path, f"cone is {m.cone!r}", ", ".join(CONES), "give it one of these")
         if not 0.0 <= m.friction_angle < 0.5 * np.pi:
-            yield error(path, f"friction_angle is {m.friction_angle:g} rad", "0 up to pi / 2", "give radians, such as 0.6")
+            yield thing_error(path, f"friction_angle is {m.friction_angle:g} rad", "0 up to pi / 2",
+                               "give radians, such as 0.6")
 
 
 def check_places(thing: MaterialPoints) -> Iterator[Problem]:
@@ -64,23 +65,23 @@ def check_places(thing: MaterialPoints) -> Iterator[Problem]:
     path, points = thing.path, thing.points
     if (thing.shape is None) == (points is None):
         has = "neither a shape nor points" if points is None else "a shape and points"
-        yield error(path, f"it has {has}", "one of them", "give a shape, or points and volumes")
+        yield thing_error(path, f"it has {has}", "one of them", "give a shape, or points and volumes")
     elif points is None:
         known = [each.shape for each in solids.SOLIDS]
         if isinstance(thing.shape, solids.Plane) or not isinstance(thing.shape, (Surface, *known)):
-            yield error(path, f"its shape is a {type(thing.shape).__name__}", "a closed shape, or a closed Surface",
-                        "give it one of these")
+            yield thing_error(path, f"its shape is a {type(thing.shape).__name__}", "a closed shape, or a closed Surface",
+                               "give it one of these")
     elif thing.volumes is None:
-        yield error(path, "its points have no volume", "volumes [m^3], one number or one a point",
-                    f"give volumes={(0.5 * thing.cell) ** 3:.3g} where 8 points are in a cell", lacks=True)
+        yield thing_error(path, "its points have no volume", "volumes [m^3], one number or one a point",
+                           f"give volumes={(0.5 * thing.cell) ** 3:.3g} where 8 points are in a cell", lacks=True)
     else:
         yield from check_points(thing)
     shapes = [(3,)] if points is None else [(3,), (len(points), 3)]
     for name, allowed in {"velocity": shapes, "spin": [(3,)]}.items():
         v = np.asarray(getattr(thing, name))
         if v.shape not in allowed or not np.isfinite(v).all():
-            yield error(path, f"{name} is of shape {v.shape}, or not finite", " or ".join(map(str, allowed)),
-                        "give finite numbers of that shape")
+            yield thing_error(path, f"{name} is of shape {v.shape}, or not finite", " or ".join(map(str, allowed)),
+                               "give finite numbers of that shape")
 
 
 def check_points(thing: MaterialPoints) -> Iterator[Problem]:
@@ -88,18 +89,21 @@ def check_points(thing: MaterialPoints) -> Iterator[Problem]:
     path, points, volumes = thing.path, thing.points, np.asarray(thing.volumes)
     assert points is not None
     if not len(points) or not np.isfinite(points).all():
-        yield error(path, f"it has {len(points)} points, or some are not finite", "one finite point or more", "give others")
+        yield thing_error(path, f"it has {len(points)} points, or some are not finite", "one finite point or more",
+                           "give others")
     elif volumes.shape not in ((), (1,), (len(points),)) or not (np.isfinite(volumes).all() and (volumes > 0.0).all()):
-        yield error(path, f"volumes are of shape {volumes.shape}, or not all above 0",
-                    f"one number above 0, or {len(points)} of them [m^3]", "give others")
+        yield thing_error(path, f"volumes are of shape {volumes.shape}, or not all above 0",
+                           f"one number above 0, or {len(points)} of them [m^3]", "give others")
     elif thing.cell > 0.0:
         spacing = float(np.median(volumes) ** (1.0 / 3.0))
         if spacing > SPARSE * thing.cell:
-            yield error(path, f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: the body "
-                        "would come apart", f"cells of {spacing / SPARSE:.3g} m or more", f"give cell={2.0 * spacing:.3g}")
+            yield thing_error(path,
+                               f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: the body "
+                               "would come apart", f"cells of {spacing / SPARSE:.3g} m or more",
+                               f"give cell={2.0 * spacing:.3g}")
         elif spacing < 0.125 * thing.cell:
-            yield warning(path, f"{(thing.cell / spacing) ** 3:.0f} points fill a cell", "about 8",
-                          f"give cell={2.0 * spacing:.3g}, which costs as much and shows more")
+            yield object_warning(path, f"{(thing.cell / spacing) ** 3:.0f} points fill a cell", "about 8",
+                                 f"give cell={2.0 * spacing:.3g}, which costs as much and shows more")
 
 
 def check_step(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
@@ -110,6 +114,6 @@ def check_step(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     if not isfinite(steps) or steps > MOST:
         name = "bulk" if isinstance(thing.material, Water) else "young"
         now = getattr(thing.material, name)
-        yield error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of "
-                    f"{COURANT * thing.cell / speed:.2g} s", f"up to {MOST} steps a frame",
-                    f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, or more fps")
+        yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of "
+                           f"{COURANT * thing.cell / speed:.2g} s", f"up to {MOST} steps a frame",
+                           f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, or more fps")

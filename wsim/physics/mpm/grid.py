@@ -15,7 +15,7 @@ from wsim.kernels.particles.mpm.steps import energy_kernel, step_kernels
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernels
 from wsim.model.model import Model
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 
 BLOCK = 128                # threads of a block on CUDA
 MEASURERS = 1 << 14        # threads that look for the fastest particle on CUDA
@@ -48,12 +48,12 @@ class SparseGrid:
         self.going = self.zeros(1, int)
         self.own = {name: self.zeros(count, int) for name in ("order", "block", "rank")}
         kept = count if self.cuda else 0                       # on a CPU particles add to their nodes
-        self.rows = filled(self.tables.SortedRows, **{name: self.zeros(kept, types(real).vec4) for name in "mxyz"})
+        self.rows = fill_struct(self.tables.SortedRows, **{name: self.zeros(kept, types(real).vec4) for name in "mxyz"})
         self.used = self.zeros(2, int)
         if colliders:
             self.wall_rows = colliders.rows
         else:
-            from wsim.kernels.collider.colliders import colliders as wall_table
+            from wsim.kernels.contact.collider.colliders import collider_type as wall_table
             self.wall_rows = wall_table(real)()
         self.make_room(blocks)
 
@@ -68,7 +68,7 @@ class SparseGrid:
         self.slot = self.zeros(slots, wp.int64)
         self.cell_count = self.zeros(CELLS * blocks, int)
         self.nodes = self.zeros(CELLS * blocks, types(self.real).vec4)
-        self.grid = filled(
+        self.grid = fill_struct(
             self.tables.BlockGrid, slot=self.slot, number=self.zeros(slots, int), key=self.zeros(blocks, wp.int64),
             near=self.zeros(27 * blocks, int), used=self.used, count=self.cell_count, first=self.zeros(CELLS * blocks, int),
             bits=key_bits(self.model.worlds), dx=self.real(self.dx), **self.own)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import Surface
-from wsim.scene.solids import row
+from wsim.scene.solids import shape_row
 
 
 def deepest_point(colliders: list, x: np.ndarray, time: float) -> float:
@@ -15,7 +15,7 @@ def deepest_point(colliders: list, x: np.ndarray, time: float) -> float:
         if not isinstance(collider.shape, Surface):
             M = collider.motion.at(time)
             q = (x - M[:3, 3]) @ M[:3, :3]
-            deepest = max(deepest, -float(np.min(row(collider.shape).distance(collider.shape, q), initial=0.0)))
+            deepest = max(deepest, -float(np.min(shape_row(collider.shape).distance(collider.shape, q), initial=0.0)))
     return deepest
 
 

@@ -11,32 +11,32 @@ from wsim.kernels.particles.mpm.blocks import CROWD
 from wsim.kernels.particles.mpm.steps import MOST, WORDS
 from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.model.stage import Clock, Method, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.collider.table import ColliderTable
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.mpm.grid import MORE, SparseGrid
 from wsim.physics.mpm.objects import MaterialPoints
 from wsim.physics.mpm.seeding import count_blocks, locality_order, nearest_nodes, place_particles
-from wsim.scene.samples import Particles, Sample
+from wsim.scene.samples import ParticleSample, Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 FIELDS = (
-    Field("o", "1", True, "offset from the nearest node in cells"),
-    Field("e", "1", True, "rounding remainder of o"),
-    Field("v", "m/s", True, "velocity"),
-    Field("b", "1", True, "xx, yy, zz of the left Cauchy-Green tensor less 1"),
-    Field("s", "1", True, "yz, zx, xy of it"),
-    Field("T", "Pa", True, "xx, yy, zz of the Kirchhoff stress"),
-    Field("S", "Pa", True, "yz, zx, xy of it"),
-    Field("C", "1/s", True, "rows: gradient of each component of v", "mat33"),
-    Field("q", "1", True, "inner variable of the law", "scalar"),
-    Field("a", "Pa", True, "stiffness of the fastest wave", "scalar"),
-    Field("i", "1", True, "nearest node along x", "int"),
-    Field("j", "1", True, "nearest node along y", "int"),
-    Field("k", "1", True, "nearest node along z", "int"),
+    StateField("o", "1", True, "offset from the nearest node in cells"),
+    StateField("e", "1", True, "rounding remainder of o"),
+    StateField("v", "m/s", True, "velocity"),
+    StateField("b", "1", True, "xx, yy, zz of the left Cauchy-Green tensor less 1"),
+    StateField("s", "1", True, "yz, zx, xy of it"),
+    StateField("T", "Pa", True, "xx, yy, zz of the Kirchhoff stress"),
+    StateField("S", "Pa", True, "yz, zx, xy of it"),
+    StateField("C", "1/s", True, "rows: gradient of each component of v", "mat33"),
+    StateField("q", "1", True, "inner variable of the law", "scalar"),
+    StateField("a", "Pa", True, "stiffness of the fastest wave", "scalar"),
+    StateField("i", "1", True, "nearest node along x", "int"),
+    StateField("j", "1", True, "nearest node along y", "int"),
+    StateField("k", "1", True, "nearest node along z", "int"),
 )
 WORD = "mpm: grid"
 SPARE = 1.5                # room for blocks over those at the start
@@ -84,10 +84,10 @@ class MaterialPointMethod(Method):
         self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
 
-    def _allocate(self, start: dict[str, np.ndarray]) -> Part:
+    def _allocate(self, start: dict[str, np.ndarray]) -> StatePart:
         """The particles of all worlds, world behind world."""
         worlds, n, order = self.model.worlds, len(self.order), self.order
-        part = Part.allocate("mpm", FIELDS, worlds * n, self.model.real, self.model.device)
+        part = StatePart.allocate("mpm", FIELDS, worlds * n, self.model.real, self.model.device)
         self.place = np.empty(n, np.int64)                     # row of each particle of a world
         self.place[order] = np.arange(n)
         mu_lam = np.array([thing.material.numbers()[:2] for thing in self.things])
@@ -108,11 +108,11 @@ class MaterialPointMethod(Method):
         rows = (np.arange(worlds)[:, None] * count + self.thing_of[self.order]).ravel()
         t, materials = self.model.dtype, [thing.material for thing in self.things]
         vec3 = self.part.arrays["v"].dtype
-        self.grid.points = filled(tables.PointRows, row=model.upload(rows.astype(np.int32), int),
-                                  volume=model.upload(np.tile(self.volume[self.order], worlds).astype(t), model.real),
-                                  **self.part.arrays)
+        self.grid.points = fill_struct(tables.PointRows, row=model.upload(rows.astype(np.int32), int),
+                                       volume=model.upload(np.tile(self.volume[self.order], worlds).astype(t), model.real),
+                                       **self.part.arrays)
         numbers = np.array([m.numbers() for m in materials] * worlds, t)
-        self.grid.materials = filled(
+        self.grid.materials = fill_struct(
             tables.MaterialRows, numbers=model.upload(numbers, tables.vec8),
             law=model.upload(np.array([self.laws.index(m.law) for m in materials] * worlds, np.int32), int),
             world=model.upload(np.repeat(np.arange(worlds), count).astype(np.int32), int),
@@ -134,7 +134,7 @@ class MaterialPointMethod(Method):
     def run_stage(self, clock: Clock) -> None:
         self.grid.run_frame(clock.dt, self.status.word(WORD))
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         blocks, crowd, gone, steps, excess = (int(n) for n in status.said(WORD))
         if blocks > self.grid.blocks:
             return [Remedy("grow", lambda: self._make_room(blocks))]
@@ -174,7 +174,7 @@ class MaterialPointMethod(Method):
         for k, thing in enumerate(self.things):
             now = self.read_particles(k, world)
             width = (6.0 / np.pi * self.volume[self.thing_of == k]) ** (1.0 / 3.0)
-            found.append(Particles(thing.path, now["x"], width, np.arange(len(width)), now["v"]))
+            found.append(ParticleSample(thing.path, now["x"], width, np.arange(len(width)), now["v"]))
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:

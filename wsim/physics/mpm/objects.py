@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import Compared
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Motion
 
 ACROSS = 2                 # particles of a full cell along each axis
@@ -132,7 +132,7 @@ MATERIALS: dict[str, Callable] = {"jelly": Jelly, "snow": Snow, "sand": Granular
 
 
 @dataclass(eq=False)
-class MaterialPoints(Compared):
+class MaterialPoints(ArrayDataclass):
     """A body of particles that breaks, pours and piles up, as in `scene.mpm("/jelly", Box((0.1, 0.1, 0.1)), at=(0, 1, 0),
     cell=0.025)`. It has a shape, which particles fill, or points. All bodies of a scene meet on one grid of one cell size,
     without bounds. Particles stay outside of the scene's colliders.

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.scene import Surface
-from wsim.scene.solids import row
+from wsim.scene.solids import shape_row
 
 SIDE = 4                   # cells along an edge of a block, as kernels/particles/mpm/tables.py
 SKIN = 1e-6                # cells: what is nearer to a surface is not within
@@ -32,7 +32,7 @@ def shape_bounds(thing: MaterialPoints) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(thing.shape, Surface):
         points = thing.shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3]
         return points.min(axis=0), points.max(axis=0)
-    reach = float(row(thing.shape).ball(thing.shape))
+    reach = float(shape_row(thing.shape).ball(thing.shape))
     return M[:3, 3] - reach, M[:3, 3] + reach
 
 
@@ -45,11 +45,11 @@ def fill_shape(thing: MaterialPoints) -> np.ndarray:
     index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(begin, end, strict=True)), indexing="ij"), -1).reshape(-1, 3)
     x = (index + 0.5) * edge
     if not isinstance(shape, Surface):
-        return x[row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) < -SKIN * thing.cell]
-    from wsim.geometry.tetra.inside import Rays
-    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+        return x[shape_row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) < -SKIN * thing.cell]
+    from wsim.geometry.tetra.inside import AxisRays
+    triangles = triangulate_polygons(shape.points, shape.counts, shape.indices)[0]
     points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3]) / edge - 0.5
-    return x[Rays(points, triangles, begin, end - 1).inside(index)]
+    return x[AxisRays(points, triangles, begin, end - 1).inside(index)]
 
 
 def place_particles(thing: MaterialPoints) -> PlacedPoints:

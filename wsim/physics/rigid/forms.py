@@ -15,9 +15,9 @@ import warp as wp
 from wsim.kernels.math import block
 from wsim.kernels.rigid import launches, passes, soft_step
 from wsim.kernels.rigid.graph import colours
-from wsim.physics.motion.cluster import LARGE, MANY
+from wsim.physics.motion.fast_paths.cluster import LARGE, MANY
 
-RULE = 3                  # of `chosen`; a change of it changes which form a scene takes
+RULE = 3                  # of `choose_pass_form`; a change of it changes which form a scene takes
 THREADS = 256             # of a block, for which there are 255 registers each
 SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
 HUGE = 1536               # shapes from which one cluster is few (H200: 1000 in a pile 7.2 ms a frame against 8.8 by launches;
@@ -29,13 +29,13 @@ TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread,
 
 
 @dataclass
-class Form:
+class ContactPassForm:
     """name: of the table above; blocks: of a cluster, else 1. Raises ValueError for another name."""
 
     name: str
     blocks: int = 1
     kernels: dict[str, Any] = field(default_factory=dict)
-    kinds: list = field(default_factory=list)         # `wsim.kernels.rigid.kinds.Kind`, joints before contacts
+    kinds: list = field(default_factory=list)         # `wsim.kernels.rigid.kinds.ConstraintKind`, joints before contacts
     of: list = field(default_factory=list)            # kernels of each, of launches
     model: Any = None
     wide: bool = False                                # blocks of THREADS
@@ -68,50 +68,50 @@ class Form:
             self.name = "cluster" if model.device.is_cuda else "coloured"     # a launch cannot ask whether another is needed
         self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
         self.threads = THREADS * self.blocks if self.wide else 1
-        self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        self.meet = meet = block.cluster_barrier if self.blocks > 1 else block.block_barrier if self.wide else block.no_barrier
         self.sizes = sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
         of = self.coloured, self.tolerance > 0.0, bouncing, bool(linked), self.blocks
         self.module = module = model.shared_module("rigid_steps", *of, threads=THREADS * self.wide)
         self.kinds = [soft_step.contact_kind(real, self.coloured, self.tolerance > 0.0)]
         if self.coloured:
             own = model.shared_module("rigid_colours", self.blocks, threads=THREADS * self.wide)
-            self.kernels["colours"] = colours.colours(real, own, meet, **sizes)
+            self.kernels["colours"] = colours.contact_colour_kernel(real, own, meet, **sizes)
         if self.tolerance > 0.0 and model.gradients:
             from wsim.kernels.rigid.complementarity.parts import converged_parts
             self.kernels["parts"] = converged_parts(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
         if self.tolerance > 0.0:
-            from wsim.kernels.rigid.complementarity.converged import converged
-            self.kernels["converged"] = converged(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            from wsim.kernels.rigid.complementarity.converged import converged_step_kernel
+            self.kernels["converged"] = converged_step_kernel(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
         if linked and bouncing:
             from wsim.kernels.rigid.joint.impacts import linked_thrown
             own = model.shared_module("rigid_impacts", *of, threads=THREADS * self.wide)
             self.kernels["thrown"] = linked_thrown(self.kinds, real, own, meet, **sizes)
         elif bouncing and self.name == "launches":
-            self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
+            self.kernels["thrown"] = launches.impact_kernel(self.kinds, real, module, meet, **sizes)
         if linked and (self.wide or self.apart or self.name == "launches"):
-            from wsim.kernels.rigid.joint.passes import MODULES, contact_passes, launched
-            self.kernels |= launched(real, *map(model.shared_module, MODULES))
+            from wsim.kernels.rigid.joint.passes import MODULES, contact_passes, joint_pass_kernels
+            self.kernels |= joint_pass_kernels(real, *map(model.shared_module, MODULES))
             if self.name != "launches":
                 self.kernels["contacts"] = contact_passes(self.kinds, real, module, meet, **sizes)
                 return
         elif self.name == "launches":
-            self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
+            self.kernels |= dict(zip(("begun", "placed", "ended"), launches.body_pass_kernels(real, model.module), strict=True))
         if self.name != "launches":
-            steps = passes.substeps
+            steps = passes.body_substep_kernel
             if linked:
-                from wsim.kernels.rigid.joint.passes import linked as steps
+                from wsim.kernels.rigid.joint.passes import linked_substep_kernel as steps
             self.kernels["substeps"] = steps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
-        rest = block.meet if self.wide else block.alone
+        rest = block.block_barrier if self.wide else block.no_barrier
         self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
 
     def parts(self, make, bouncing: bool, **more) -> Any:
         """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`), in place of those of a
         whole one, which are not compiled then."""
         self.model.modules.pop(self.module, None)
-        meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        meet = block.cluster_barrier if self.blocks > 1 else block.block_barrier if self.wide else block.no_barrier
         what = make.__name__, self.coloured, self.tolerance > 0.0, bouncing, self.blocks, *sorted(more.items())
         module = self.model.shared_module("rigid_parts", *what, threads=THREADS * self.wide)
         return make(self.kinds, self.model.real, module, meet, threads=THREADS * self.wide,
@@ -169,24 +169,25 @@ class Form:
             self.model.launch(self.kernels[name], self.islands, [*given], [])
 
     @property
-    def walkers(self) -> int:
+    def walker_threads(self) -> int:
         return WALKERS[self.model.device.is_cuda]
 
     def walk(self, name: str, *given) -> None:
-        self.model.launch(self.kernels[name], self.walkers, [self.walkers, *given], [])
+        self.model.launch(self.kernels[name], self.walker_threads, [self.walker_threads, *given], [])
 
     def prepare(self, k: int, rig) -> None:
         if "contacts" in self.kernels:
             self.launch(self.kernels["contacts"], [PASSES.index("prepare"), self.threads, k, 0.0, 0, rig], [])
         for kernels in self.of:
-            self.model.launch(kernels.prepare, self.walkers, [self.walkers, k, rig], [])
+            self.model.launch(kernels.prepare, self.walker_threads, [self.walker_threads, k, rig], [])
 
     def sweep(self, name: str, k: int, h: float, biased: int, rig) -> None:
         if "contacts" in self.kernels:
             self.launch(self.kernels["contacts"], [PASSES.index(name), self.threads, k, h, biased, rig], [])
         for kernels in self.of:
             for colour in range(launches.LAUNCHED):
-                self.model.launch(getattr(kernels, name), self.walkers, [colour, self.walkers, k, h, biased, rig], [])
+                self.model.launch(getattr(kernels, name), self.walker_threads, [colour, self.walker_threads, k, h, biased, rig],
+                                  [])
             self.launch(getattr(kernels, f"rest_{name}"), [self.threads // self.blocks, k, h, biased, rig], [], 1)
 
     def launches(self, steps: int, sweeps: int) -> int:
@@ -201,16 +202,16 @@ class Form:
         return more + 2 + kinds + steps * (3 + kinds + thrown + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
 
 
-def chosen(device, shapes: int) -> Form:
+def choose_pass_form(device, shapes: int) -> ContactPassForm:
     """Form that the rule chooses."""
     if not device.is_cuda:
-        return Form("listed")
+        return ContactPassForm("listed")
     if shapes > HUGE:
-        return named("launches", device)
-    return named("block" if shapes <= SMALL or device.arch < block.CLUSTERS else "cluster", device)
+        return form_by_name("launches", device)
+    return form_by_name("block" if shapes <= SMALL or device.arch < block.CLUSTERS else "cluster", device)
 
 
-def named(name: str, device) -> Form:
+def form_by_name(name: str, device) -> ContactPassForm:
     """The form of a name with the blocks that a device has for it."""
     clusters = device.is_cuda and device.arch >= block.CLUSTERS and name in ("cluster", "launches")
-    return Form(name, (16 if device.arch == LARGE and device.sm_count >= MANY else 8) if clusters else 1)
+    return ContactPassForm(name, (16 if device.arch == LARGE and device.sm_count >= MANY else 8) if clusters else 1)

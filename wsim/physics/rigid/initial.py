@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from wsim.physics.rigid.joints.filters.groups import filters
-from wsim.physics.rigid.solids import Met, as_met
+from wsim.physics.rigid.joints.filters.groups import collision_filters
+from wsim.physics.rigid.solids import ContactShape, contact_shape_of
 from wsim.scene import Collider, Plane, Problem, Scene, Sphere, Surface
 from wsim.scene.check import signed_distance
-from wsim.scene.check.objects import warning
+from wsim.scene.check.objects import object_warning
 from wsim.scene.curve import Motion
-from wsim.scene.solids import row
+from wsim.scene.solids import shape_row
 
 DEEP = 0.05              # of the largest extent of a body
 SIDES = 16               # on a circle of a round shape that is sampled
@@ -27,12 +27,12 @@ STEP = 256               # shapes whose bounds are compared with all others at o
 
 
 @dataclass
-class Solid:
+class PlacedSolid:
     """A shape that is met: of which body (-1: none), its frame to world M, points of its surface and their bounds [m]."""
 
     path: str
     body: int
-    met: Met
+    met: ContactShape
     M: np.ndarray
     points: np.ndarray
 
@@ -47,62 +47,64 @@ class Solid:
         if self.met.hull is not None:
             return (q @ self.met.hull.normals.T - self.met.hull.offsets).max(axis=1)
         if self.met.shape is not None:
-            return row(self.met.shape).distance(self.met.shape, q - np.array(self.met.center))
+            return shape_row(self.met.shape).distance(self.met.shape, q - np.array(self.met.center))
         mesh: Any = self.met.mesh
         shape = Surface(mesh[0] + np.array(self.met.center), np.full(len(mesh[1]), 3), mesh[1].ravel())
-        return signed_distance.distance(Collider(self.path, shape, Motion.still(self.M)), points, 0.0)
+        return signed_distance.collider_signed_distance(Collider(self.path, shape, Motion.still(self.M)), points, 0.0)
 
 
 def check(scene: Scene) -> Iterator[Problem]:
     """A warning of the body that starts deepest, which counts the others."""
-    bodies, solids = scene.things("Body"), list(_solids(scene))
-    sizes = _sizes(solids, len(bodies))
-    met = filters(scene, [(s.path, 0 if s.body >= 0 else -1) for s in solids], [bodies[s.body].path if s.body >= 0 else ""
+    bodies, solids = scene.things("Body"), list(_placed_solids(scene))
+    sizes = _body_extents(solids, len(bodies))
+    met = collision_filters(scene, [(s.path, 0 if s.body >= 0 else -1) for s in solids],
+                            [bodies[s.body].path if s.body >= 0 else ""
                                                                                for s in solids])
     deepest: dict[int, tuple[float, int, str]] = {}
-    for i, j in _near(solids, sizes):
+    for i, j in _overlapping_pairs(solids, sizes):
         if met is not None and (met.table[met.kind[i], met.kind[j]] or j in met.parted[met.first[i]:met.first[i + 1]]):
             continue
-        depth = _depth(solids[i], solids[j])
+        depth = _overlap_depth(solids[i], solids[j])
         for one, other in ((solids[i], solids[j]), (solids[j], solids[i])):
             if one.body >= 0 and depth > DEEP * sizes[one.body] and depth > deepest.get(one.body, (0.0,))[0]:
                 deepest[one.body] = depth, one.body, bodies[other.body].path if other.body >= 0 else other.path
                 break                                             # said of one of the two
     for depth, body, name in sorted(deepest.values(), key=lambda each: -each[0])[:1]:
         more = f" (and {len(deepest) - 1} other bodies in something)" if len(deepest) > 1 else ""
-        yield warning(bodies[body].path, f"starts {depth:.3g} m deep in {name}, {100.0 * depth / sizes[body]:.0f} % of its "
-                      f"size{more}: contacts push it out at once", f"up to {100.0 * DEEP:g} %", "move them apart, filter the "
-                      "pair (PhysicsFilteredPairsAPI) or join the two", overlap=True)
+        yield object_warning(bodies[body].path,
+                             f"starts {depth:.3g} m deep in {name}, {100.0 * depth / sizes[body]:.0f} % of its "
+                             f"size{more}: contacts push it out at once", f"up to {100.0 * DEEP:g} %",
+                             "move them apart, filter the " "pair (PhysicsFilteredPairsAPI) or join the two", overlap=True)
 
 
-def _solids(scene: Scene) -> Iterator[Solid]:
+def _placed_solids(scene: Scene) -> Iterator[PlacedSolid]:
     known: dict[tuple, np.ndarray] = {}
     for k, body in enumerate(scene.things("Body")):
         for c in body.colliders:
-            if (met := as_met(c, True)) is not None:
+            if (met := contact_shape_of(c, True)) is not None:
                 M = body.motion.at(0.0) @ c.motion.at(0.0)
-                yield Solid(c.path, k, met, M, _sampled(met, known) @ M[:3, :3].T + M[:3, 3])
+                yield PlacedSolid(c.path, k, met, M, _sample_shape_surface(met, known) @ M[:3, :3].T + M[:3, 3])
     for c in scene.colliders:
-        if (met := as_met(c, False)) is not None:
+        if (met := contact_shape_of(c, False)) is not None:
             M = c.motion.at(0.0)
-            yield Solid(c.path, -1, met, M, _sampled(met, known) @ M[:3, :3].T + M[:3, 3])
+            yield PlacedSolid(c.path, -1, met, M, _sample_shape_surface(met, known) @ M[:3, :3].T + M[:3, 3])
 
 
-def _sampled(met: Met, known: dict[tuple, np.ndarray]) -> np.ndarray:
+def _sample_shape_surface(met: ContactShape, known: dict[tuple, np.ndarray]) -> np.ndarray:
     """Places on the surface of a shape, in the frame of its collider, (n, 3). known: of simple shapes, by their lengths."""
     if isinstance(met.shape, Plane):
         return np.zeros((1, 3))
     if met.shape is None:
         mesh: Any = met.mesh if met.hull is None else (met.hull.vertices, met.hull.triangles)
-        return _spread(*mesh) + np.array(met.center)
-    own = row(met.shape)
+        return _sample_triangles(*mesh) + np.array(met.center)
+    own = shape_row(met.shape)
     key = (own.kind, *own.lengths(met.shape))
     if key not in known:
-        known[key] = np.unique(_spread(*own.outline(own.given(met.shape), SIDES)), axis=0)
+        known[key] = np.unique(_sample_triangles(*own.outline(own.given(met.shape), SIDES)), axis=0)
     return known[key] + np.array(met.center)
 
 
-def _spread(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def _sample_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Corners of triangles and places between them."""
     if len(triangles) > FEW:
         return np.concatenate([points, points[triangles].mean(axis=1)])
@@ -110,7 +112,7 @@ def _spread(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.einsum("ki,tij->tkj", u, points[triangles]).reshape(-1, 3)
 
 
-def _sizes(solids: list[Solid], bodies: int) -> np.ndarray:
+def _body_extents(solids: list[PlacedSolid], bodies: int) -> np.ndarray:
     """Largest extent of each body [m]."""
     low, high = np.full((bodies, 3), np.inf), np.full((bodies, 3), -np.inf)
     for s in solids:
@@ -119,7 +121,7 @@ def _sizes(solids: list[Solid], bodies: int) -> np.ndarray:
     return np.maximum(high - low, 0.0).max(axis=1, initial=0.0)
 
 
-def _near(solids: list[Solid], sizes: np.ndarray) -> Iterator[tuple[int, int]]:
+def _overlapping_pairs(solids: list[PlacedSolid], sizes: np.ndarray) -> Iterator[tuple[int, int]]:
     """Pairs whose bounds lie in each other as deep as a warning needs, or as one of them is thick."""
     low, high = np.array([s.low for s in solids]).reshape(-1, 3), np.array([s.high for s in solids]).reshape(-1, 3)
     body = np.array([s.body for s in solids], int)
@@ -133,7 +135,7 @@ def _near(solids: list[Solid], sizes: np.ndarray) -> Iterator[tuple[int, int]]:
         yield from ((int(some[i]), int(j)) for i, j in zip(*np.nonzero(found), strict=True))
 
 
-def _depth(one: Solid, other: Solid) -> float:
+def _overlap_depth(one: PlacedSolid, other: PlacedSolid) -> float:
     """Depth of the deepest place of one surface in the other [m]."""
     found = 0.0
     for a, b in ((one, other), (other, one)):

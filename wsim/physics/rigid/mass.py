@@ -19,32 +19,32 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry.convex_hull import ConvexHull, DegenerateHull, convex_hull
-from wsim.geometry.memo import latest
-from wsim.geometry.rotation import conjugate, matrix, multiply, normalized, quaternion
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.memo import keep_latest_results
+from wsim.geometry.rotation import matrix_quat, quat_conjugate, quat_product, quaternion_to_matrix, unit_quat
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.geometry.winding import wound_alike
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Shape, Surface
-from wsim.scene.check.signed_distance import closed
-from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere, row
+from wsim.scene.check.signed_distance import is_closed_mesh
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere, shape_row
 
 
 @dataclass(frozen=True)
-class Volume:
+class MassVolume:
     """volume [m^3]; center [m]; inertia (3, 3) about the center per density [m^5]."""
 
     volume: float
     center: np.ndarray
     inertia: np.ndarray
 
-    def moved(self, M: np.ndarray) -> "Volume":
+    def moved(self, M: np.ndarray) -> "MassVolume":
         """The volume in a frame that M (4, 4), rigid, leads to."""
         R = M[:3, :3]
-        return Volume(self.volume, R @ self.center + M[:3, 3], R @ self.inertia @ R.T)
+        return MassVolume(self.volume, R @ self.center + M[:3, 3], R @ self.inertia @ R.T)
 
-    def shifted(self, x) -> "Volume":
+    def shift_origin(self, x) -> "MassVolume":
         """The volume with its frame's origin at x (3,) [m]."""
-        return Volume(self.volume, self.center + np.asarray(x), self.inertia)
+        return MassVolume(self.volume, self.center + np.asarray(x), self.inertia)
 
 
 @dataclass(frozen=True)
@@ -60,40 +60,40 @@ class Inertia:
 SIDES = 32                 # of an outline
 MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 APPROXIMATED = ("convexHull", "boundingCube", "boundingSphere")
-NOTHING = Volume(0.0, np.zeros(3), np.zeros((3, 3)))
+NOTHING = MassVolume(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
-def volume(shape: Shape) -> Volume:
+def shape_volume(shape: Shape) -> MassVolume:
     """Volume of a shape in its own frame. A plane and an open mesh have none: 0."""
     if isinstance(shape, Plane):
         return NOTHING
     if isinstance(shape, Surface):
-        return _mesh(shape)
+        return _mesh_volume_moments(shape)
     if isinstance(shape, Box):
         a = np.array(shape.half, np.float64)
         V = 8.0 * a.prod()
-        return Volume(V, np.zeros(3), np.diag(V / 3.0 * ((a * a).sum() - a * a)))
+        return MassVolume(V, np.zeros(3), np.diag(V / 3.0 * ((a * a).sum() - a * a)))
     if not isinstance(shape, (Sphere, Cylinder, Cone, Capsule)):
-        return _mesh(outlined(shape))
-    V, z, across, along = _round(shape)
-    return Volume(V, np.array([0.0, 0.0, z]), np.diag([across, across, along]))
+        return _mesh_volume_moments(shape_outline_mesh(shape))
+    V, z, across, along = _round_shape_moments(shape)
+    return MassVolume(V, np.array([0.0, 0.0, z]), np.diag([across, across, along]))
 
 
-def outlined(shape: Any) -> Surface:
+def shape_outline_mesh(shape: Any) -> Surface:
     """A shape of another place as the mesh of its outline."""
-    own = row(shape)
+    own = shape_row(shape)
     points, triangles = own.outline(own.given(shape), SIDES)
     return Surface(points, np.full(len(triangles), 3), np.ravel(triangles))
 
 
-def collider_volume(collider: Collider) -> Volume:
+def collider_volume(collider: Collider) -> MassVolume:
     """Volume of a body's collider in the body's frame: of a mesh, what its approximation makes of it where that is a hull, a
     box or a ball, else what it encloses."""
     shape = collider.shape
     if isinstance(shape, Surface) and collider.approximation in APPROXIMATED and len(shape.points):
         solid, center = approximate_shape(shape, collider.approximation)
-        return NOTHING if solid is None else volume(solid).shifted(center).moved(collider.motion.at(0.0))
-    return volume(shape).moved(collider.motion.at(0.0))
+        return NOTHING if solid is None else shape_volume(solid).shift_origin(center).moved(collider.motion.at(0.0))
+    return shape_volume(shape).moved(collider.motion.at(0.0))
 
 
 def approximate_shape(shape: Surface, name: str) -> tuple[Shape | None, np.ndarray]:
@@ -106,27 +106,28 @@ def approximate_shape(shape: Surface, name: str) -> tuple[Shape | None, np.ndarr
         return ball if half.max() > 0.0 else None, middle
     if name == "boundingCube":
         return Box(tuple(half.tolist())) if half.min() > 0.0 else None, middle
-    found = hull(shape)
+    found = mesh_convex_hull(shape)
     if found is None:
         return None, np.zeros(3)
     met = Surface(found.vertices, np.array([len(loop) for loop in found.loops]), np.concatenate(found.loops))
-    return shape if volume(shape).volume >= volume(met).volume else met, np.zeros(3)       # the hull may lack some vertices
+    # the hull may lack some vertices
+    return shape if shape_volume(shape).volume >= shape_volume(met).volume else met, np.zeros(3)
 
 
-@latest
-def _hull(points: np.ndarray) -> ConvexHull | None:
+@keep_latest_results
+def _cached_convex_hull(points: np.ndarray) -> ConvexHull | None:
     try:
         return convex_hull(points, MOST)
     except DegenerateHull:
         return None
 
 
-def hull(shape: Surface) -> ConvexHull | None:
+def mesh_convex_hull(shape: Surface) -> ConvexHull | None:
     """Convex hull that a mesh is met as; None where there is no volume."""
-    return _hull(shape.points)
+    return _cached_convex_hull(shape.points)
 
 
-def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, float, float]:
+def _round_shape_moments(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, float, float]:
     """Volume, height of the centre, inertia across the axis and along it."""
     r = shape.radius
     if isinstance(shape, Sphere):
@@ -145,11 +146,11 @@ def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, flo
     return V, 0.0, across, along
 
 
-def _mesh(shape: Surface) -> Volume:
+def _mesh_volume_moments(shape: Surface) -> MassVolume:
     """A mesh wound inward counts as the solid inside it."""
     points = np.asarray(shape.points, np.float64)
-    triangles = wound_alike(points, triangulate(shape.points, shape.counts, shape.indices, True)[0])
-    if not closed(points, triangles):
+    triangles = wound_alike(points, triangulate_polygons(shape.points, shape.counts, shape.indices, True)[0])
+    if not is_closed_mesh(points, triangles):
         return NOTHING
     middle = points.mean(axis=0)
     a, b, c = np.moveaxis(points[triangles] - middle, 1, 0)
@@ -162,10 +163,10 @@ def _mesh(shape: Surface) -> Volume:
     C = sum(np.einsum("i,ij,ik->jk", V / 20.0, u, u) for u in (s, a, b, c)) - total * np.outer(center, center)
     inertia = np.trace(C) * np.eye(3) - C
     sign = np.sign(total)
-    return Volume(abs(total), center + middle, sign * inertia)
+    return MassVolume(abs(total), center + middle, sign * inertia)
 
 
-def joined(parts: list[Volume]) -> Volume:
+def sum_volumes(parts: list[MassVolume]) -> MassVolume:
     """Volume of several, each of density 1; what overlaps counts twice, as USD has it."""
     total = sum(p.volume for p in parts)
     if total == 0.0:
@@ -175,52 +176,52 @@ def joined(parts: list[Volume]) -> Volume:
     for p in parts:
         d = p.center - center
         inertia += p.inertia + p.volume * (d @ d * np.eye(3) - np.outer(d, d))
-    return Volume(total, center, inertia)
+    return MassVolume(total, center, inertia)
 
 
-def principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Moments (3,) and axes (x, y, z, w) of a symmetric (3, 3); a diagonal one keeps its own axes, and so
     does one that is not finite."""
     if not np.isfinite(inertia).all() or np.abs(inertia - np.diag(np.diag(inertia))).max() <= 1e-12 * np.abs(inertia).max():
         return np.diag(inertia).copy(), np.array([0.0, 0.0, 0.0, 1.0])
     moments, R = np.linalg.eigh(inertia)
-    return moments, quaternion(R * np.sign(np.linalg.det(R)))
+    return moments, matrix_quat(R * np.sign(np.linalg.det(R)))
 
 
-def ascending(moments: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sort_moments(moments: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same inertia with its moments in order, as kernels/rigid/motion.py has them."""
     if moments[0] <= moments[1] <= moments[2]:
         return moments, axes
     order = np.argsort(moments, kind="stable")
     R = np.eye(3)[:, order]
-    return moments[order], multiply(axes, quaternion(R * np.sign(np.linalg.det(R))))
+    return moments[order], quat_product(axes, matrix_quat(R * np.sign(np.linalg.det(R))))
 
 
-def along(body: Body, now: Inertia) -> np.ndarray:
+def inertia_axis_directions(body: Body, now: Inertia) -> np.ndarray:
     """Directions of the axes of `now`, (3, 3) columns, in those that the body's inertia is given along (none is given: those
-    that `inertia` finds)."""
-    given = normalized(body.axes) if body.inertia is not None else inertia(body).axes
-    return matrix(multiply(conjugate(given), now.axes))
+    that `body_inertia` finds)."""
+    given = unit_quat(body.axes) if body.inertia is not None else body_inertia(body).axes
+    return quaternion_to_matrix(quat_product(quat_conjugate(given), now.axes))
 
 
-def weighed(body: Body, now: Inertia, name: str, value) -> Inertia:
+def reweigh_inertia(body: Body, now: Inertia, name: str, value) -> Inertia:
     """`now` with another mass [kg], which the moments follow where the body gives none, or other moments [kg m^2], in the order
     in which the body has them."""
     if name == "mass":
         part = 1.0 if body.inertia is not None else float(value) / now.mass
         return Inertia(float(value), now.center, part * now.moments, now.axes)
-    given = normalized(body.axes) if body.inertia is not None else inertia(body).axes
-    return Inertia(now.mass, now.center, *ascending(np.asarray(value, np.float64), given))
+    given = unit_quat(body.axes) if body.inertia is not None else body_inertia(body).axes
+    return Inertia(now.mass, now.center, *sort_moments(np.asarray(value, np.float64), given))
 
 
-def inertia(body: Body) -> Inertia:
+def body_inertia(body: Body) -> Inertia:
     """Inertia of a body: what is given, else of its colliders; a given mass scales the inertia of the colliders, and a given
     centre moves it."""
-    whole = joined([collider_volume(c) for c in body.colliders])
+    whole = sum_volumes([collider_volume(c) for c in body.colliders])
     mass = body.density * whole.volume if body.mass is None else body.mass
     center = whole.center if body.center is None else body.center
     if body.inertia is not None:
-        return Inertia(mass, center, *ascending(body.inertia, normalized(body.axes)))
+        return Inertia(mass, center, *sort_moments(body.inertia, unit_quat(body.axes)))
     d = center - whole.center
     own = whole.inertia / whole.volume if whole.volume > 0.0 else np.zeros((3, 3))
-    return Inertia(mass, center, *ascending(*principal(mass * (own + d @ d * np.eye(3) - np.outer(d, d)))))
+    return Inertia(mass, center, *sort_moments(*principal_axes(mass * (own + d @ d * np.eye(3) - np.outer(d, d)))))

@@ -3,59 +3,59 @@ are in the frames of their bodies."""
 
 import numpy as np
 
-from wsim.geometry.rotation import conjugate, multiply, quaternion, rotate
-from wsim.kernels.rigid.narrow.pair import every
+from wsim.geometry.rotation import matrix_quat, quat_conjugate, quat_product, quat_rotate
+from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
 from wsim.physics.rigid.objects import SURFACE
-from wsim.physics.rigid.solids import as_met, meeting, standing
+from wsim.physics.rigid.solids import contact_shape_of, scene_contact_colliders, touching_colliders
 from wsim.scene import Collider
 
 
-def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
+def meeting_shape_kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
     """Kinds of shapes that can meet, pairs with a mesh among them."""
-    mine = {met.kind for body in bodies for c in body.colliders if (met := as_met(c, True)) is not None}
-    still = {met.kind for c in colliders if (met := as_met(c, False)) is not None}
-    return frozenset(p for p in every(mine | still) if mine & set(p) and p[1] != "mesh") | frozenset(
+    mine = {met.kind for body in bodies for c in body.colliders if (met := contact_shape_of(c, True)) is not None}
+    still = {met.kind for c in colliders if (met := contact_shape_of(c, False)) is not None}
+    return frozenset(p for p in pairs_of_kinds(mine | still) if mine & set(p) and p[1] != "mesh") | frozenset(
         (one, "mesh") for one in mine if "mesh" in still)
 
 
-def with_cores(pairs: frozenset[tuple[str, str]]) -> frozenset[tuple[str, str]]:
+def ball_core_pairs(pairs: frozenset[tuple[str, str]]) -> frozenset[tuple[str, str]]:
     """Pairs of a ball, the core of a shape, with what that shape can meet."""
     return frozenset(("sphere", kind) for pair in pairs if "plane" not in pair for kind in pair if kind != "sphere")
 
 
-def seams(scene) -> frozenset[str]:
+def flush_collider_kinds(scene) -> frozenset[str]:
     """Kinds of colliders that may lie flush beside another; none where one stands alone, or in the converged mode."""
-    found = [met.kind for c in standing(scene.colliders) if (met := as_met(c, False)) is not None]
+    found = [met.kind for c in scene_contact_colliders(scene.colliders) if (met := contact_shape_of(c, False)) is not None]
     return frozenset(found) - {"plane"} if len(found) > 1 and not scene.contact_tolerance else frozenset()
 
 
-def bounces(scene) -> bool:
+def has_restitution(scene) -> bool:
     """True if something has a restitution."""
-    own = [c for body in scene.things("Body") for c in meeting(body)]
-    return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
+    own = [c for body in scene.things("Body") for c in touching_colliders(body)]
+    return any(c.restitution > 0.0 for c in (*own, *scene_contact_colliders(scene.colliders)))
 
 
-def rows_of(contacts, path: str, name: str, world: int | None) -> list[int]:
-    """Shapes of a body or collider of `wsim.physics.rigid.contacts.Contacts` that have that friction or restitution; none where
-    nothing bounces from the start."""
+def shape_rows_of_path(contacts, path: str, name: str, world: int | None) -> list[int]:
+    """Shapes of a body or collider of `wsim.physics.rigid.contacts.RigidContactTables` that have that friction or restitution;
+    none where nothing bounces from the start."""
     if name not in SURFACE or name == "restitution" and not contacts.bouncing:
         return []
     return [k for k, (own, of) in enumerate(contacts.named) if own == path and (world is None or of in (-1, world))]
 
 
-def read(contacts, name: str) -> np.ndarray:
+def read_surface_value(contacts, name: str) -> np.ndarray:
     """(shapes,) of a friction or of restitution, in the first world."""
     table = contacts.table
     found = table.restitution.numpy() if name == "restitution" else table.friction.numpy()[:, SURFACE.index(name)]
     return found[:contacts.shapes]
 
 
-def put(contacts, path: str, name: str, value: float, world: int | None) -> bool:
+def set_surface_value(contacts, path: str, name: str, value: float, world: int | None) -> bool:
     """Sets it of a body or collider, of one world or of all (None)."""
     still = contacts.table.still
-    rows = [k for k in rows_of(contacts, path, name, world) if k < still or world in (None, 0)]
+    rows = [k for k in shape_rows_of_path(contacts, path, name, world) if k < still or world in (None, 0)]
     rows += [contacts.shapes + (of - 1) * (contacts.shapes - still) + k - still         # see kernels/rigid/contact.py, surfaces
-             for k in rows_of(contacts, path, name, world) if k >= still
+             for k in shape_rows_of_path(contacts, path, name, world) if k >= still
              for of in range(1, contacts.model.worlds) if world in (None, of)]
     if rows:
         array = contacts.table.restitution if name == "restitution" else contacts.table.friction
@@ -65,10 +65,10 @@ def put(contacts, path: str, name: str, value: float, world: int | None) -> bool
     return bool(rows)
 
 
-def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
+def collider_places_in_body(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
     """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
     principal axes of their bodies."""
     M = np.array([c.motion.at(0.0) for c in colliders])
-    back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
+    back, center = quat_conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
     x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
-    return np.concatenate([rotate(back, x - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)
+    return np.concatenate([quat_rotate(back, x - center), quat_product(back, matrix_quat(M[:, :3, :3]))], axis=1)

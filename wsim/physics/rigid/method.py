@@ -11,31 +11,31 @@ import numpy as np
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock, Method, Methods, Ports, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.rigid.mass import Inertia, inertia, weighed
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.rigid import solids
+from wsim.physics.rigid.mass import Inertia, body_inertia, reweigh_inertia
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import acting, kept, meet, meeting, met_by_strands, sleeps, standing, touches
-from wsim.scene.methods import dressed
-from wsim.scene.samples import Sample, Transform
+from wsim.scene.methods import driving_bodies
+from wsim.scene.samples import Sample, TransformSample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
-FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
-          Field("e", "m", True, "rounding remainder of x"), Field("p", "kg m/s", True, "momentum"),
-          Field("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
-          Field("q", "", True, "orientation of the principal axes, (x, y, z, w)", "quat"),
-          Field("o", "", True, "rounding remainder of q", "quat"))
+FIELDS = (StateField("x", "m", True, "centre of mass relative to where it was at the start"),
+          StateField("e", "m", True, "rounding remainder of x"), StateField("p", "kg m/s", True, "momentum"),
+          StateField("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
+          StateField("q", "", True, "orientation of the principal axes, (x, y, z, w)", "quat"),
+          StateField("o", "", True, "rounding remainder of q", "quat"))
 LIVE = ("velocity", "spin", "force", "torque", "drag", "spin_drag", "mass", "inertia")
 
 
 def build(b: "Build") -> Method:
-    return Rigid(b)
+    return RigidMethod(b)
 
 
-class Rigid(Method):
+class RigidMethod(Method):
     """`bodies`: (body, world), a row of the part each; `masses` of them."""
 
     def __init__(self, b: "Build"):
@@ -46,7 +46,7 @@ class Rigid(Method):
             refuse_contacts(scene)
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
-        of = {id(body): inertia(body) for body in scene.things("Body")}
+        of = {id(body): body_inertia(body) for body in scene.things("Body")}
         self.masses: list[Inertia] = [of[id(body)] for body, _ in self.bodies]
         frames = np.array([body.motion.at(0.0) for body, _ in self.bodies])
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
@@ -55,64 +55,65 @@ class Rigid(Method):
         self._allocate(b)
         self._begin(frames)
         self.sleep: Any = None
-        if sleeps(scene) and not (b.model.gradients and acting(scene)):          # what is recorded does not sleep
-            from wsim.physics.rigid.sleep import Sleep
-            self.sleep = Sleep(b, self)
-        self.Bodies, self.Moving = motion.structs(b.model.real)
+        if solids.bodies_may_sleep(scene) and not (b.model.gradients and solids.enabled_joints(scene)):      # not if recorded
+            from wsim.physics.rigid.sleep import RigidSleep
+            self.sleep = RigidSleep(b, self)
+        self.Bodies, self.Moving = motion.body_structs(b.model.real)
         self.table = self.given = self._tables()
         self.offers, self.joints = Ports(bodies=self), None        # type: Ports, Any
-        if acting(scene):
-            from wsim.physics.rigid.joints.tables import Joints
-            self.joints = Joints(b, self)
+        if solids.enabled_joints(scene):
+            from wsim.physics.rigid.joints.tables import DeviceJoints
+            self.joints = DeviceJoints(b, self)
             self.offers.drive_targets = self.joints.aims.names if self.joints.aims else None
             if self.sleep:
                 self.sleep.join(self.joints)
-        self._stages(b)
+        self._add_rigid_stages(b)
 
     def _allocate(self, b) -> None:
-        self.part = Part.allocate("bodies", (*FIELDS, *kept(b)), len(self.bodies), b.model.real, b.model.device)
+        fields = (*FIELDS, *solids.star_fields(b))
+        self.part = StatePart.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
         rows: dict[tuple[str, int], list[int]] = {}
         for k, (body, world) in enumerate(self.bodies):
             rows.setdefault((body.written, world), []).append(k)
         self.part.rows = {key: np.array(own) for key, own in rows.items()}
         b.state.add(self.part)
 
-    def _stages(self, b) -> None:
-        self.contacts = self.recorded = self.touch = None      # type: Any    # touch: `touch.substeps.Substeps`, if others push
+    def _add_rigid_stages(self, b) -> None:
+        self.contacts = self.recorded = self.touch = None      # type: Any    # touch: `touch.substeps.RigidSubsteps`, if others push
         what, launches = f"{len(self.bodies)} bodies, all substeps" + (f", {self.joints.what}" if self.joints else ""), 1
-        points, strands = touches(b.scene), bool(met_by_strands(b.scene))
-        if points or strands or meet(b.scene):
-            from wsim.physics.rigid.contacts import Contacts
-            self.contacts = Contacts(b, self)
+        points, strands = solids.bodies_touch_points(b.scene), bool(solids.bodies_met_by_strands(b.scene))
+        if points or strands or solids.has_rigid_contacts(b.scene):
+            from wsim.physics.rigid.contacts import RigidContactTables
+            self.contacts = RigidContactTables(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
         elif not b.model.gradients:
-            self.kernel = self.joints.alone() if self.joints else motion.free(b.model.real, b.model.module)
+            self.kernel = self.joints.alone() if self.joints else motion.free_flight_kernel(b.model.real, b.model.module)
         if b.model.gradients:
-            from wsim.physics.rigid.recorded.begin import recorded
-            self.recorded = self.offers.recorded_bodies = recorded(self)
+            from wsim.physics.rigid.recorded.begin import make_recorder
+            self.recorded = self.offers.recorded_bodies = make_recorder(self)
         if points or strands:
-            from wsim.physics.rigid.touch.others import pushed
-            self.touch = pushed(b, self, points)
+            from wsim.physics.rigid.touch.others import make_pushed_substeps
+            self.touch = make_pushed_substeps(b, self, points)
             self.stages = self.touch.stages
             self.offers.moving_bodies = self.touch if points else None
             return
-        rate, phase = "substep" if self.recorded else "frame", "pose" if dressed(b.scene) else "predict"   # before followers
+        rate, phase = "substep" if self.recorded else "frame", "pose" if driving_bodies(b.scene) else "predict"    # followers
         self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))
 
     def _begin(self, frames: np.ndarray) -> None:
-        q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
+        q = rotation.quat_product(rotation.matrix_quat(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
         spin = np.array([body.spin for body, _ in self.bodies])
-        near = rotation.normalized(q).astype(self.model.dtype)
+        near = rotation.unit_quat(q).astype(self.model.dtype)
         self.put("q", near)
-        self.put("o", rotation.normalized(q) - near)
+        self.put("o", rotation.unit_quat(q) - near)
         self.put("p", np.array([m.mass * body.velocity for m, (body, _) in zip(self.masses, self.bodies, strict=True)]))
-        self.put("L", self.momentum(rotation.normalized(q), spin))
+        self.put("L", self.momentum(rotation.unit_quat(q), spin))
 
     def momentum(self, q: np.ndarray, spin: np.ndarray) -> np.ndarray:
         """Angular momentum (n, 3) [kg m^2/s] of angular velocities [rad/s]."""
         moments = np.array([m.moments for m in self.masses])
-        return rotation.rotate(q, moments * rotation.rotate(rotation.conjugate(q), spin))
+        return rotation.quat_rotate(q, moments * rotation.quat_rotate(rotation.quat_conjugate(q), spin))
 
     def put(self, name: str, values: np.ndarray) -> None:
         self.part.arrays[name].assign(np.ascontiguousarray(values, self.model.dtype))
@@ -120,7 +121,7 @@ class Rigid(Method):
             self.part.arrays[f"{name}h"].zero_()
 
     def read(self, name: str) -> np.ndarray:
-        """p or L at the end of a frame, where points are read half a step on too (kernels/rigid/touch/half.py)."""
+        """p or L at the end of a frame, where points are read half a step on too (kernels/rigid/touch/half_step.py)."""
         return self.get(name) + (self.get(f"{name}h") if f"{name}h" in self.part.arrays else 0.0)
 
     def get(self, name: str) -> np.ndarray:
@@ -129,24 +130,23 @@ class Rigid(Method):
 
     def turns(self) -> np.ndarray:
         """Quaternions (n, 4) from principal axes to the world now."""
-        return rotation.normalized(self.get("q") + self.get("o"))
+        return rotation.unit_quat(self.get("q") + self.get("o"))
 
     def _tables(self) -> Any:
         m, dtype, real = self.model, self.model.dtype, self.model.real
-        mass = np.array([one.mass for one in self.masses])
-        moments = np.array([one.moments for one in self.masses])
+        mass, moments = (np.array([getattr(one, name) for one in self.masses]) for name in ("mass", "moments"))
         columns = {name: np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("drag", "spin_drag")}
         vec3 = self.part.arrays["x"].dtype
-        table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
-                       inverse=m.upload((1.0 / moments).astype(dtype), vec3),
-                       **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
+        table = fill_struct(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
+                            inverse=m.upload((1.0 / moments).astype(dtype), vec3),
+                            **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
         table.push, table.torque = (m.upload(value.astype(dtype), vec3) for value in (self._push(), self.twist))
         return table
 
     def lend(self) -> Any:
         """The table without what fluids add to `table` in each frame."""
-        from wsim.physics.rigid.touch.lent import lent
-        self.given = lent(self) if self.given is self.table else self.given
+        from wsim.physics.rigid.touch.own_forces import own_force_table
+        self.given = own_force_table(self) if self.given is self.table else self.given
         return self.given
 
     def _push(self) -> np.ndarray:
@@ -155,7 +155,7 @@ class Rigid(Method):
         return np.array([m.mass for m in self.masses])[:, None] * self.gravity[worlds] + self.force
 
     def moving(self) -> Any:
-        return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
+        return fill_struct(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
 
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.joints:
@@ -169,11 +169,11 @@ class Rigid(Method):
         if self.touch:
             self.touch.meet(others)
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         found = self.contacts.retry(status) if self.contacts else []
         return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         return self.contacts.notes() if self.contacts else []
 
     def restored(self, fields) -> None:
@@ -193,7 +193,7 @@ class Rigid(Method):
     def poses(self) -> np.ndarray:
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
         axes = np.array([m.axes for m in self.masses])
-        R = rotation.matrix(rotation.multiply(self.turns(), rotation.conjugate(axes)))
+        R = rotation.quaternion_to_matrix(rotation.quat_product(self.turns(), rotation.quat_conjugate(axes)))
         found = np.tile(np.eye(4), (len(R), 1, 1))
         center = np.array([m.center for m in self.masses])
         found[:, :3, :3] = R
@@ -207,7 +207,7 @@ class Rigid(Method):
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
-        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.read("L")) / moments)
+        return rotation.quat_rotate(q, rotation.quat_rotate(rotation.quat_conjugate(q), self.read("L")) / moments)
 
     def velocities(self) -> np.ndarray:
         """Velocities of the centres of mass now, (n, 3) [m/s]."""
@@ -218,9 +218,9 @@ class Rigid(Method):
         poses, v, spins = self.turns(), self.velocities(), self.spins()
         for k in rows:
             before, body = self.masses[k], self.bodies[k][0]
-            self.masses[k] = now = weighed(body, before, name, value)
-            poses[k] = rotation.multiply(poses[k], rotation.multiply(rotation.conjugate(before.axes), now.axes))
-        q = rotation.normalized(poses)
+            self.masses[k] = now = reweigh_inertia(body, before, name, value)
+            poses[k] = rotation.quat_product(poses[k], rotation.quat_product(rotation.quat_conjugate(before.axes), now.axes))
+        q = rotation.unit_quat(poses)
         near = q.astype(self.model.dtype)
         self.put("q", near)
         self.put("o", q - near)
@@ -238,10 +238,10 @@ class Rigid(Method):
             if body.stretch is not None:
                 poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
         own = [(k, body) for k, (body, of) in enumerate(self.bodies) if of == world]
-        found: list[Sample] = [Transform(body.path, poses[k]) for k, body in own if not body.instancer]
+        found: list[Sample] = [TransformSample(body.path, poses[k]) for k, body in own if not body.instancer]
         if len(found) < len(own):
-            from wsim.physics.rigid.joints.instances.samples import moved
-            found += moved(self, poses, [k for k, body in own if body.instancer])
+            from wsim.physics.rigid.joints.instances.samples import instancer_samples
+            found += instancer_samples(self, poses, [k for k, body in own if body.instancer])
         return found
 
     def indicators(self, x, v) -> dict[str, float]:
@@ -257,7 +257,7 @@ class Rigid(Method):
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
         if self.sleep and name in (*LIVE, "gravity"):
-            self.sleep.wake(None if path == "/" else hit)
+            self.sleep.wake_bodies(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.given.push.assign(self._push().astype(self.model.dtype))
@@ -287,14 +287,14 @@ class Rigid(Method):
 
 
 def signature(b) -> list:
-    points = touches(b.scene)
-    if not (points or meet(b.scene)):
-        return ["joints", *["sleep"] * sleeps(b.scene)] if acting(b.scene) else []
-    from wsim.physics.rigid.forms import chosen
-    from wsim.physics.rigid.meetings import bounces, kinds, seams
-    own = [c for body in b.scene.things("Body") for c in meeting(body)]
-    form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
-    filtered = any(b.scene.things(name) for name in ("Group", "FilteredPairs"))
-    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), sorted(seams(b.scene)), bounces(b.scene),
-            form.name, form.blocks, sleeps(b.scene), filtered, bool(acting(b.scene)), b.scene.contact_tolerance > 0.0]
+    if not ((points := solids.bodies_touch_points(b.scene)) or solids.has_rigid_contacts(b.scene)):
+        return ["joints", *["sleep"] * solids.bodies_may_sleep(b.scene)] if solids.enabled_joints(b.scene) else []
+    from wsim.physics.rigid.forms import choose_pass_form
+    from wsim.physics.rigid.meetings import flush_collider_kinds, has_restitution, meeting_shape_kinds
+    own = [c for body in b.scene.things("Body") for c in solids.touching_colliders(body)]
+    form = choose_pass_form(b.model.device, b.model.worlds * len(own) + len(solids.scene_contact_colliders(b.scene.colliders)))
+    filtered, joined = any(map(b.scene.things, ("Group", "FilteredPairs"))), bool(solids.enabled_joints(b.scene))
+    said = [sorted(meeting_shape_kinds(b.scene.things("Body"), b.scene.colliders)), sorted(flush_collider_kinds(b.scene)),
+            has_restitution(b.scene), form.name, form.blocks, solids.bodies_may_sleep(b.scene), filtered, joined,
+            b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

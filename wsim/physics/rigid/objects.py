@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import Collider
-from wsim.scene.bodies import Compared
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Motion
 
 DENSITY = 1000.0                             # [kg/m^3] where nothing is given, as USD has it
@@ -22,13 +22,13 @@ OTHERS = {"Joint": "wsim.physics.rigid.joints.joint", "Group": "wsim.physics.rig
           "FilteredPairs": "wsim.physics.rigid.joints.filters.groups"}
 
 
-def vector(value) -> np.ndarray | None:
+def vector3_or_none(value) -> np.ndarray | None:
     return None if value is None else np.array(value, np.float64).reshape(3)
 
 SURFACE = ("static_friction", "dynamic_friction", "restitution")         # of a body: of all its colliders
 
 @dataclass(eq=False)
-class Body(Compared):
+class Body(ArrayDataclass):
     """A rigid body, which moves by forces, as in `scene.body("/die", Box((0.01, 0.01, 0.01)), at=(0, 0.1, 0), density=1200)`.
 
     path        prim path
@@ -91,7 +91,7 @@ class Body(Compared):
 
     def __post_init__(self):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):
-            setattr(self, name, vector(getattr(self, name)))
+            setattr(self, name, vector3_or_none(getattr(self, name)))
         self.axes = np.array(self.axes, np.float64).reshape(4)
 
 

@@ -14,18 +14,18 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rigid.graph import sleep
-from wsim.model.state import Field, Part
+from wsim.model.state import StateField, StatePart
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
-FIELDS = (Field("calm", "s", True, "how long the body has been slow, at most what sleep takes", "scalar"),
-          Field("asleep", "", True, "1: it sleeps", "int"))
-AWAKE = (Field("awake", "", True, "0 while every body sleeps", "int"),)
+FIELDS = (StateField("calm", "s", True, "how long the body has been slow, at most what sleep takes", "scalar"),
+          StateField("asleep", "", True, "1: it sleeps", "int"))
+AWAKE = (StateField("awake", "", True, "0 while every body sleeps", "int"),)
 STIRS = 1e-9                 # [m/s], [rad/s] of what joints hang on: slower, it stands, but for rounding
 
 
-class Sleep:
+class RigidSleep:
     """Sleep of the bodies of a method. awake: a word on the device, 0 while all sleep; stirs: whether a joint ever does."""
 
     def __init__(self, b: Build, method):
@@ -37,7 +37,7 @@ class Sleep:
             method.part.take(what, wp.array(value.astype(kind), dtype=what.dtype(b.model.real), device=b.model.device))
         for array, aside in method.part.saved.values():
             wp.copy(aside, array)
-        word = Part.allocate("rigid sleep", AWAKE, 1, b.model.real, b.model.device)      # a repeated frame starts from it
+        word = StatePart.allocate("rigid sleep", AWAKE, 1, b.model.real, b.model.device)  # a repeated frame starts from it
         b.state.add(word)
         self.awake = word.arrays["awake"]
         self.awake.fill_(1)
@@ -53,7 +53,7 @@ class Sleep:
         self.stir = wp.array(self.driven.astype(np.int32), dtype=int, device=self.model.device)
 
     def join(self, joints) -> None:
-        """Takes the joints of the method into the islands (`wsim.physics.rigid.joints.tables.Joints`)."""
+        """Takes the joints of the method into the islands (`wsim.physics.rigid.joints.tables.DeviceJoints`)."""
         t = joints.linked.t
         self.pairs = np.stack([t.a.numpy(), t.b.numpy()], axis=1)
         self.driven = ((t.drive.numpy() > 0) & (t.speed.numpy() != 0.0)).any(axis=1)
@@ -69,26 +69,26 @@ class Sleep:
         """Wakes the bodies of joints of which a row, (joints, 6), is another one than before."""
         rows = self.pairs[(before != values).any(axis=1)].ravel()
         if len(rows):
-            self.wake(rows[rows >= 0])
+            self.wake_bodies(rows[rows >= 0])
 
     def alone(self) -> Any:
         """Function (dt, bodies, joints, moving) -> asleep: settles what sleeps of islands of joints that meet nothing."""
-        from wsim.kernels.rigid.joint.rest import rest
-        kernel = rest(self.model.real, self.model.module)
+        from wsim.kernels.rigid.joint.rest import joint_sleep_kernel
+        kernel = joint_sleep_kernel(self.model.real, self.model.module)
 
-        def settle(dt: float, bodies, joints, now) -> wp.array:
+        def settle_island_sleep(dt: float, bodies, joints, now) -> wp.array:
             calm, asleep = (self.part.arrays[name] for name in ("calm", "asleep"))
             given = [dt, self.speed, bodies, joints.linked.t, self.stir]
             self.model.launch(kernel, joints.islands, given, [now, calm, asleep])
             return asleep
-        return settle
+        return settle_island_sleep
 
     def make(self, form) -> None:
         """Makes its kernels, as the passes of this form are launched."""
         self.form = form
         module = self.model.shared_module("rigid_sleep", form.blocks, threads=form.sizes["threads"])
-        self.kernel = sleep.sleep(self.model.real, module, form.meet, **form.sizes)
-        self.counted = sleep.counted(self.model.real, self.model.module)
+        self.kernel = sleep.body_sleep_kernel(self.model.real, module, form.meet, **form.sizes)
+        self.counted = sleep.restored_count_kernel(self.model.real, self.model.module)
 
     def arrays(self, bodies: int) -> dict[str, wp.array]:
         """Arrays that the kernels work on."""
@@ -103,7 +103,7 @@ class Sleep:
         """Ends a frame, behind the substeps."""
         self.model.launch(self.counted, room, [rig], [])
 
-    def wake(self, rows: np.ndarray | None = None) -> None:
+    def wake_bodies(self, rows: np.ndarray | None = None) -> None:
         """Bodies of these rows (None: all) are not calm, and their islands wake."""
         for name in ("calm", "asleep"):
             array = self.part.arrays[name]

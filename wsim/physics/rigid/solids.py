@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from wsim.geometry.convex_hull import ConvexHull
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.geometry.winding import wound_alike
-from wsim.physics.rigid.mass import approximate_shape, hull, outlined, volume
+from wsim.physics.rigid.mass import approximate_shape, mesh_convex_hull, shape_outline_mesh, shape_volume
 from wsim.scene import Collider, Surface
-from wsim.scene.methods import dressed
-from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, row
+from wsim.scene.methods import driving_bodies
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, shape_row
 
 EXACT = (Plane, Sphere, Box, Capsule, Cylinder, Cone)
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
@@ -29,7 +29,7 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Met:
+class ContactShape:
     """The shape that a collider is met as.
 
     kind      its name, as kernels/rigid/narrow/shape.py has it
@@ -49,7 +49,7 @@ class Met:
     def ball(self) -> float:
         """Radius of a ball about its center that holds it [m]; -1: it has no end."""
         if self.shape is not None:
-            return -1.0 if isinstance(self.shape, Plane) else row(self.shape).ball(self.shape)
+            return -1.0 if isinstance(self.shape, Plane) else shape_row(self.shape).ball(self.shape)
         points = self.hull.vertices if self.hull is not None else self.mesh[0] if self.mesh is not None else np.zeros((1, 3))
         return float(np.linalg.norm(points, axis=1).max())
 
@@ -57,7 +57,7 @@ class Met:
     def size(self) -> tuple:
         """Size as the device has it; of a mesh half of the edges of its bounds [m]."""
         if self.shape is not None:
-            return row(self.shape).size(self.shape)
+            return shape_row(self.shape).size(self.shape)
         return NOWHERE if self.mesh is None else tuple(np.abs(self.mesh[0]).max(axis=0))
 
     @property
@@ -84,94 +84,96 @@ class Met:
         return self.shape.radius if isinstance(self.shape, (Sphere, Capsule)) else 0.0
 
 
-def filled(shape: Surface) -> float:
+def hull_fill_ratio(shape: Surface) -> float:
     """Part of its hull's volume that a mesh encloses; 0 without a hull, or where the mesh is open."""
-    own = volume(shape).volume
-    found = hull(shape) if own > 0.0 else None
+    own = shape_volume(shape).volume
+    found = mesh_convex_hull(shape) if own > 0.0 else None
     if found is None:
         return 0.0
     counts = np.array([len(loop) for loop in found.loops])
-    return own / volume(Surface(found.vertices, counts, np.concatenate(found.loops))).volume
+    return own / shape_volume(Surface(found.vertices, counts, np.concatenate(found.loops))).volume
 
 
-def _triangles(shape: Surface) -> Met | None:
-    triangles = wound_alike(shape.points, triangulate(shape.points, shape.counts, shape.indices)[0])
+def _mesh_contact_shape(shape: Surface) -> ContactShape | None:
+    triangles = wound_alike(shape.points, triangulate_polygons(shape.points, shape.counts, shape.indices)[0])
     if len(triangles) == 0:
         return None
     used = shape.points[np.unique(triangles)].astype(np.float64)
     middle = 0.5 * (used.min(axis=0) + used.max(axis=0))
-    return Met("mesh", mesh=(shape.points - middle, triangles), center=tuple(middle.tolist()))
+    return ContactShape("mesh", mesh=(shape.points - middle, triangles), center=tuple(middle.tolist()))
 
 
-def as_met(collider: Collider, of_body: bool) -> Met | None:
+def contact_shape_of(collider: Collider, of_body: bool) -> ContactShape | None:
     """None: bodies pass through it."""
     shape = collider.shape
     if not collider.meets:
         return None
     if not isinstance(shape, Surface):
-        return Met(row(shape).kind, shape) if isinstance(shape, EXACT) else Met("hull", hull=hull(outlined(shape)))
+        return (ContactShape(shape_row(shape).kind, shape) if isinstance(shape, EXACT)
+                else ContactShape("hull", hull=mesh_convex_hull(shape_outline_mesh(shape))))
     if shape.poses is not None or len(shape.points) == 0:
         return None
     if collider.approximation in ("boundingCube", "boundingSphere"):
         solid, middle = approximate_shape(shape, collider.approximation)
-        return None if solid is None else Met(row(solid).kind, solid, center=tuple(middle.tolist()))
-    if of_body or collider.approximation in HULLS or filled(shape) >= 1.0 - CONVEX:
-        found = hull(shape)
+        return None if solid is None else ContactShape(shape_row(solid).kind, solid, center=tuple(middle.tolist()))
+    if of_body or collider.approximation in HULLS or hull_fill_ratio(shape) >= 1.0 - CONVEX:
+        found = mesh_convex_hull(shape)
         if found is not None or of_body:
-            return None if found is None else Met("hull", hull=found)
-    return _triangles(shape)
+            return None if found is None else ContactShape("hull", hull=found)
+    return _mesh_contact_shape(shape)
 
 
-def meeting(body) -> list[Collider]:
+def touching_colliders(body) -> list[Collider]:
     """Colliders of a body that touch something."""
-    return [c for c in body.colliders if as_met(c, True) is not None]
+    return [c for c in body.colliders if contact_shape_of(c, True) is not None]
 
 
-def standing(colliders: list[Collider]) -> list[Collider]:
+def scene_contact_colliders(colliders: list[Collider]) -> list[Collider]:
     """Colliders of a scene that bodies meet."""
-    return [c for c in colliders if as_met(c, False) is not None]
+    return [c for c in colliders if contact_shape_of(c, False) is not None]
 
 
-def meet(scene) -> bool:
+def has_rigid_contacts(scene) -> bool:
     """True if there are two things that can touch."""
-    bodies = [body for body in scene.things("Body") if meeting(body)]
-    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
+    bodies = [body for body in scene.things("Body") if touching_colliders(body)]
+    return bool(bodies) and len(bodies) + len(scene_contact_colliders(scene.colliders)) > 1
 
 
-def acting(scene) -> list:
+def enabled_joints(scene) -> list:
     """Joints of a scene that act."""
     return [joint for joint in scene.things("Joint") if joint.enabled]
 
 
-def sleeps(scene) -> bool:
+def bodies_may_sleep(scene) -> bool:
     """True if something may sleep: not beside points and fluids, where others may wake it."""
-    return asked(scene) and not (scene.bodies() or scene.things("Liquid") or scene.things("Fluid") or met_by_strands(scene))
+    return asks_for_sleep(scene) and not (scene.bodies() or scene.things("Liquid") or scene.things("Fluid")
+                                          or bodies_met_by_strands(scene))
 
 
-def asked(scene) -> bool:
+def asks_for_sleep(scene) -> bool:
     """True if a scene asks for sleep."""
     return scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
 
 
-def touches(scene) -> bool:
+def bodies_touch_points(scene) -> bool:
     """True if bodies may touch points."""
     if not scene.bodies():
         return False
-    apart = dressed(scene)
-    return any(meeting(body) for body in scene.things("Body") if body.path not in apart)
+    apart = driving_bodies(scene)
+    return any(touching_colliders(body) for body in scene.things("Body") if body.path not in apart)
 
 
-def met_by_strands(scene) -> list[tuple]:
+def bodies_met_by_strands(scene) -> list[tuple]:
     """(body, its colliders) of those that rods meet."""
     if not scene.things("Rods"):
         return []
-    apart = dressed(scene)
-    return [(body, found) for body in scene.things("Body") if body.path not in apart and (found := meeting(body))]
+    apart = driving_bodies(scene)
+    return [(body, found) for body in scene.things("Body") if body.path not in apart and (found := touching_colliders(body))]
 
 
-def kept(b) -> tuple:
+def star_fields(b) -> tuple:
     """Fields of bodies that points touch, besides those of all bodies."""
-    if not touches(b.scene):
+    if not bodies_touch_points(b.scene):
         return ()
-    from wsim.physics.rigid.touch import half
-    return half.kept(b.choice)
+    from wsim.physics.rigid.touch import half_step
+    return half_step.half_step_fields(b.choice)

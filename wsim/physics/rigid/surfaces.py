@@ -8,11 +8,11 @@ import warp as wp
 
 from wsim.geometry.convex_hull import ConvexHull
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.mesh import surfaces
-from wsim.kernels.rigid.narrow.shape import CORNERS, hulls
+from wsim.kernels.rigid.narrow.mesh import mesh_type
+from wsim.kernels.rigid.narrow.shape import CORNERS, hull_type
 
 
-def beside(faces: np.ndarray) -> np.ndarray:
+def adjacent_faces(faces: np.ndarray) -> np.ndarray:
     """Face across each edge k, from corner k to k + 1, of triangles (n, 3); -1 at a rim, where more than two faces meet, and
     where the neighbour is wound the other way."""
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2).astype(np.int64)
@@ -27,29 +27,29 @@ def beside(faces: np.ndarray) -> np.ndarray:
     return np.where(met, order[np.minimum(place, len(order) - 1)] // 3, -1).reshape(-1, 3)
 
 
-def welded(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def weld_equal_points(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Faces with points in one place as one, so that seams of a mesh are no rims."""
     _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
     return first[np.asarray(same).reshape(-1)][faces]
 
 
-def around(faces: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+def point_neighbours(faces: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
     """(first, neighbours) of each point: the points at the other ends of its edges."""
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2)
     edges = np.unique(np.concatenate([edges, edges[:, ::-1]]), axis=0)
     return np.concatenate([[0], np.cumsum(np.bincount(edges[:, 0], minlength=points))]), edges[:, 1]
 
 
-def tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, device) -> tuple:
+def mesh_surface_tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, device) -> tuple:
     """(struct, trees) of meshes (points (n, 3) [m], triangles (m, 3)); the trees live as long as they are held.
     A mesh is closed where no edge is a rim."""
-    t, found = types(real), surfaces(real)()
+    t, found = types(real), mesh_type(real)()
     trees, faces, across, points, sided, first, base = [], [], [], [], [], [0], 0
     for X, given in meshes:
-        X, corners = np.asarray(X, np.float64), welded(np.asarray(X), np.asarray(given, np.int64).reshape(-1, 3))
+        X, corners = np.asarray(X, np.float64), weld_equal_points(np.asarray(X), np.asarray(given, np.int64).reshape(-1, 3))
         trees.append(wp.Mesh(points=wp.array(X, dtype=wp.vec3f, device=device),
                              indices=wp.array(corners.ravel(), dtype=int, device=device)))
-        next_to = beside(corners)
+        next_to = adjacent_faces(corners)
         faces.append(corners + base)
         across.append(np.where(next_to < 0, -1, next_to + first[-1]))
         points.append(X)
@@ -61,14 +61,14 @@ def tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, device) -> tup
     found.first = wp.array(first, dtype=int, device=device)
     found.face = wp.array(np.concatenate(faces), dtype=wp.vec3i, device=device)
     found.beside = wp.array(np.concatenate(across), dtype=wp.vec3i, device=device)
-    starts, ends = around(np.concatenate(faces), base)
+    starts, ends = point_neighbours(np.concatenate(faces), base)
     found.first_around = wp.array(starts, dtype=int, device=device)
     found.around = wp.array(ends, dtype=int, device=device)
     found.point = wp.array(np.concatenate(points), dtype=t.vec3, device=device)
     return found, trees
 
 
-def thinned(X: np.ndarray, loop: np.ndarray, most: int = CORNERS) -> np.ndarray:
+def simplify_face_loop(X: np.ndarray, loop: np.ndarray, most: int = CORNERS) -> np.ndarray:
     """A loop of at most `most` corners: those that take away the least area go first."""
     loop = np.asarray(loop)
     while len(loop) > most:
@@ -79,21 +79,21 @@ def thinned(X: np.ndarray, loop: np.ndarray, most: int = CORNERS) -> np.ndarray:
 
 def hull_tables(shapes: Sequence[ConvexHull], real, device):
     """Struct of the tables of these hulls, in the frame in which their vertices are; row k is the k-th."""
-    t, found = types(real), hulls(real)()
-    loops = [[thinned(h.vertices, loop) for loop in h.loops] for h in shapes]
+    t, found = types(real), hull_type(real)()
+    loops = [[simplify_face_loop(h.vertices, loop) for loop in h.loops] for h in shapes]
 
-    def starts(counts) -> wp.array:
+    def offset_array(counts) -> wp.array:
         return wp.array(np.concatenate([[0], np.cumsum(list(counts))]).astype(np.int32), dtype=int, device=device)
 
-    def stacked(parts, dtype, width: int = 0) -> wp.array:
+    def stack_hull_parts(parts, dtype, width: int = 0) -> wp.array:
         shape = (0, width) if width else (0,)
         return wp.array(np.concatenate([np.zeros(shape), *parts]), dtype=dtype, device=device)
-    found.first = starts(len(h.vertices) for h in shapes)
-    found.vertex = stacked([h.vertices for h in shapes], t.vec3, 3)
-    found.first_face = starts(len(of) for of in loops)
-    found.normal = stacked([h.normals for h in shapes], t.vec3, 3)
-    found.offset = stacked([h.offsets for h in shapes], real)
-    found.first_corner = starts(len(loop) for of in loops for loop in of)
-    found.corner = stacked([loop for of in loops for loop in of], int)
-    found.size = stacked([[np.linalg.norm(h.vertices, axis=1).max()] for h in shapes], real)
+    found.first = offset_array(len(h.vertices) for h in shapes)
+    found.vertex = stack_hull_parts([h.vertices for h in shapes], t.vec3, 3)
+    found.first_face = offset_array(len(of) for of in loops)
+    found.normal = stack_hull_parts([h.normals for h in shapes], t.vec3, 3)
+    found.offset = stack_hull_parts([h.offsets for h in shapes], real)
+    found.first_corner = offset_array(len(loop) for of in loops for loop in of)
+    found.corner = stack_hull_parts([loop for of in loops for loop in of], int)
+    found.size = stack_hull_parts([[np.linalg.norm(h.vertices, axis=1).max()] for h in shapes], real)
     return found

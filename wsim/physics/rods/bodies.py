@@ -1,5 +1,6 @@
-"""Strands that meet rigid bodies, both ways: a body's motion is among the unknowns of the strands' substeps (together.py),
-which are those of the bodies (wsim/physics/rigid/touch/substeps.py). Equations: kernels/rigid/touch/strands.py.
+"""Strands that meet rigid bodies, both ways: a body's motion is among the unknowns of the strands' substeps
+(coupled_newton.py), which are those of the bodies (wsim/physics/rigid/touch/substeps.py). Equations:
+kernels/rigid/touch/strands.py.
 
 A substep of strands stands between the forces on bodies and the sweeps over their own contacts: what bears a body otherwise
 pushes it back there. Contacts of a point with bodies are counted; where there are more than there is room for, the frame is
@@ -15,56 +16,56 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.touch import groups, strand_contacts, strand_forces, strands
-from wsim.kernels.rods.tables import Borne
+from wsim.kernels.rods.tables import RodContacts
 from wsim.model.stage import Remedy
-from wsim.model.state import Field
-from wsim.model.structs import filled
-from wsim.physics.contact.mesh import Mesh
-from wsim.physics.rigid.meetings import places_of
-from wsim.physics.rigid.solids import met_by_strands
-from wsim.physics.rods.colliders import Obstacles, kinds
+from wsim.model.state import StateField
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.mesh import ColliderMesh
+from wsim.physics.rigid.meetings import collider_places_in_body
+from wsim.physics.rigid.solids import bodies_met_by_strands
+from wsim.physics.rods.colliders import StrandObstacles, strand_collider_kinds
 from wsim.scene import Surface
-from wsim.scene.solids import Plane, row
+from wsim.scene.solids import Plane, shape_row
 
 if TYPE_CHECKING:
-    from wsim.physics.rods.together import Together
+    from wsim.physics.rods.coupled_newton import CoupledStrands
 
 CLING = tuple(field for key, site in (("", "a point"), ("1", "the first place within the edge behind it"),
                                       ("2", "the second place there"))
-              for field in (Field(f"cling{key}", "m", True, f"bristle of {site} that touches a rigid body", "vec3d"),
-                            Field(f"bears{key}", "N", True, f"normal force of a rigid body on {site}", "double")))
+              for field in (StateField(f"cling{key}", "m", True, f"bristle of {site} that touches a rigid body", "vec3d"),
+                            StateField(f"bears{key}", "N", True, f"normal force of a rigid body on {site}", "double")))
 FULL = "rods on bodies"                # status word
 ROOM = 3                               # of contacts of a point and the edge behind it, at first
 
 
-def named(scene, real) -> str:
+def body_module_suffix(scene, real) -> str:
     """What stands in the name of the module of kernels that meet the bodies of a scene: kinds of shapes, precision."""
-    shapes = [c for _, colliders in met_by_strands(scene) for c in colliders]
-    found = kinds([Mesh.build(c) if isinstance(c.shape, Surface) else None for c in shapes], shapes)
+    shapes = [c for _, colliders in bodies_met_by_strands(scene) for c in colliders]
+    found = strand_collider_kinds([ColliderMesh.build(c) if isinstance(c.shape, Surface) else None for c in shapes], shapes)
     return "_".join(("_bodies", *sorted(set(found)), types(real).name))
 
 
-class Bodies:
-    """rigid: the method of the bodies (`wsim.physics.rigid.method.Rigid`)."""
+class StrandBodyContacts:
+    """rigid: the method of the bodies (`wsim.physics.rigid.method.RigidMethod`)."""
 
-    def __init__(self, together: Together, rigid):
+    def __init__(self, together: CoupledStrands, rigid):
         self.together, self.rigid, self.status = together, rigid, together.status
         self.ground, s = together.ground, together.strands
         self.status.reserve(FULL)
-        meeting = {id(body): colliders for body, colliders in met_by_strands(s.model.scene)}
+        meeting = {id(body): colliders for body, colliders in bodies_met_by_strands(s.model.scene)}
         owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting.get(id(body), ())]
         own, rows = [c for *_, c in owners], [k for k, *_ in owners]
-        self.shapes = Obstacles(own, s.model.device, 0)
-        self._tables(owners, places_of([rigid.masses[k] for k in rows], own, np.zeros((len(own), 3))), s)
+        self.shapes = StrandObstacles(own, s.model.device, 0)
+        self._tables(owners, collider_places_in_body([rigid.masses[k] for k in rows], own, np.zeros((len(own), 3))), s)
         real, module = s.model.real, self.ground.module
-        self.place, self.pose = strand_contacts.places(real, module)
-        self.nearing, self.anew = strand_contacts.nearing(self.shapes.kinds, module)
-        self.meeting, self.gathering = strand_forces.meet(self.shapes.kinds, module)
-        self.keys = strands.keys(module)
-        self.leaning, self.crossing, self.measuring, self.taking = strands.bodily(module)
-        self.pushing = strands.pushing(module)
-        self.giving, self.cling = strands.ends(real, module)
-        self.bounds = groups.bounds(module)
+        self.place, self.pose = strand_contacts.strand_body_kernels(real, module)
+        self.nearing, self.anew = strand_contacts.near_body_kernels(self.shapes.kinds, module)
+        self.meeting, self.gathering = strand_forces.body_contact_kernels(self.shapes.kinds, module)
+        self.keys = strands.body_key_kernel(module)
+        self.leaning, self.crossing, self.measuring, self.taking = strands.body_newton_kernels(module)
+        self.pushing = strands.body_motion_force_kernel(module)
+        self.giving, self.cling = strands.strand_end_kernels(real, module)
+        self.bounds = groups.group_bound_kernel(module)
         self.depth = ROOM
         self.room()
 
@@ -73,44 +74,46 @@ class Bodies:
         up, device, n, shapes = self.ground.upload, self.ground.device, len(self.rigid.bodies), len(owners)
         worlds = np.array([world for _, world in self.rigid.bodies])
         two, part = (s.table.longest, s.table.strands), s.part.arrays
-        balls = np.array([self._ball(k) for k in range(shapes)]).reshape(-1, 4)
+        balls = np.array([self._shape_bounding_ball(k) for k in range(shapes)]).reshape(-1, 4)
 
-        def zeros(dtype, *shape):
+        def zeros_for_bodies(dtype, *shape):
             return wp.zeros(shape, dtype=dtype, device=device)
         self.world = up(worlds.astype(np.int32), int)
-        self.carried = filled(
-            strands.Carried, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
+        self.carried = fill_struct(
+            strands.RodBodies, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
             world=up(np.array([w for _, w, _ in owners], np.int32), int), place=up(places, wp.transformd),
-            size=up(balls, wp.vec4d), strand=self.together.group.world, m=zeros(wp.float64, n), J=zeros(wp.mat33d, n),
-            ball=zeros(wp.vec4d, shapes),
+            size=up(balls, wp.vec4d), strand=self.together.group.world, m=zeros_for_bodies(wp.float64, n),
+            J=zeros_for_bodies(wp.mat33d, n), ball=zeros_for_bodies(wp.vec4d, shapes),
             **{f"{name}{key}": part[f"{field}{key}"].reshape(two) for key in ("", "1", "2")
                for name, field in (("stick", "cling"), ("load", "bears"))},
-            **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")}, **{name: zeros(wp.quatd, n) for name in ("q0", "q1")},
-            **{name: zeros(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
-            **{name: zeros(wp.transformd, shapes) for name in ("pose0", "pose1")})
+            **{name: zeros_for_bodies(wp.vec3d, n) for name in ("c0", "c1")},
+            **{name: zeros_for_bodies(wp.quatd, n) for name in ("q0", "q1")},
+            **{name: zeros_for_bodies(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
+            **{name: zeros_for_bodies(wp.transformd, shapes) for name in ("pose0", "pose1")})
         size = np.full(n, np.inf)
         for (k, *_), ball in zip(owners, balls, strict=True):
             size[k] = max(size[k], ball[3]) if np.isfinite(size[k]) else ball[3]
         first = np.searchsorted(worlds, np.arange(s.model.worlds + 1)).astype(np.int32)
         points, sites = self.ground.points, int(strand_contacts.SITES)
-        self.borne = filled(
-            Borne, first=up(first, int), start=zeros(int, n + 1), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
-            rough=self.together.group.rough, count=self.together.group.count,
-            y=zeros(wp.vec3d, n, 2), many=zeros(int, points), push=zeros(wp.vec3d, points), s=zeros(wp.vec3d, points, sites),
-            **{name: zeros(wp.float64, points, sites) for name in ("N", "deep", "load")},
-            **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")},
-            **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")})
-        self.word = zeros(int, 1)
+        self.borne = fill_struct(
+            RodContacts, first=up(first, int), start=zeros_for_bodies(int, n + 1), size=up(size, wp.float64),
+            near=zeros_for_bodies(int, s.model.worlds), rough=self.together.group.rough, count=self.together.group.count,
+            y=zeros_for_bodies(wp.vec3d, n, 2), many=zeros_for_bodies(int, points), push=zeros_for_bodies(wp.vec3d, points),
+            s=zeros_for_bodies(wp.vec3d, points, sites),
+            **{name: zeros_for_bodies(wp.float64, points, sites) for name in ("N", "deep", "load")},
+            **{name: zeros_for_bodies(wp.float64, n) for name in ("left", "ahead", "gain")},
+            **{name: zeros_for_bodies(wp.mat33d, n) for name in ("P", "X", "H")})
+        self.word = zeros_for_bodies(int, 1)
         for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d), ("bridge", wp.mat33d)):
-            setattr(s.trial, name, zeros(kind, *two))
+            setattr(s.trial, name, zeros_for_bodies(kind, *two))
 
-    def _ball(self, k: int) -> tuple:
+    def _shape_bounding_ball(self, k: int) -> tuple:
         """Middle and radius of a ball about a shape, in its frame [m]; of one without an end 1e9."""
         mesh = self.shapes.meshes[k]
         if mesh is not None:
             return (*mesh.center, mesh.radius)
         shape = self.shapes.colliders[k].shape
-        return (0.0, 0.0, 0.0, 1e9 if isinstance(shape, Plane) else row(shape).ball(shape))
+        return (0.0, 0.0, 0.0, 1e9 if isinstance(shape, Plane) else shape_row(shape).ball(shape))
 
     def room(self) -> None:
         """Arrays of contacts, `depth` of a point and the edge behind it."""
@@ -144,9 +147,9 @@ class Bodies:
         self.over(self.place, self.rigid.contacts.rig(), W, B)
         self.launch(self.pose, len(W.body), [W], [])
         self.launch(self.nearing, self.ground.points, [self.shapes.table, s.strands, t.motion, s.trial, W, B], [self.word])
-        wp.capture_if(self.word, self._anew)
+        wp.capture_if(self.word, self._restart_strand_bodies)
 
-    def _anew(self) -> None:
+    def _restart_strand_bodies(self) -> None:
         t = self.together
         self.launch(self.anew, self.ground.points, [t.strands.strands, self.carried, self.borne, t.motion], [])
 
@@ -202,11 +205,11 @@ class Bodies:
     def retry(self) -> list[Remedy]:
         wanted = int(self.status.said(FULL)[0])
 
-        def more() -> str:
+        def grow_body_contacts() -> str:
             self.depth = wanted + 1
             self.room()
             return f"{wanted} rigid bodies touched a point of rods or the edge behind it, more than there was room for"
-        return [Remedy("grow", more)] if wanted > self.depth else []
+        return [Remedy("grow", grow_body_contacts)] if wanted > self.depth else []
 
     def indicators(self) -> dict[str, float]:
         """Points and edges that press a rigid body where the last substep ended, and how deep they are in it [m]."""

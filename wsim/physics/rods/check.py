@@ -8,7 +8,7 @@ import numpy as np
 
 from wsim.physics.rods.objects import LEAST, Rods
 from wsim.scene import Collider, Motion, Problem, Scene, Surface
-from wsim.scene.check.objects import NEAR, error, number, three_digits, warning
+from wsim.scene.check.objects import NEAR, check_number, object_warning, thing_error, three_digits
 
 STOUT = 1.0           # length over diameter of an edge below which a strand is no thin rod
 ACROSS = 1e-5         # sine of the angle to its edge below which rounding of float32 says where a director points
@@ -24,65 +24,71 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     if rods.counts.min(initial=2) < 2 or rods.counts.sum() != n or not n:
         k = int(np.argmin(rods.counts)) if len(rods.counts) else -1
         least = f", the least is {rods.counts[k]}, of strand {k}" if k >= 0 else ""
-        yield error(path, f"counts of {len(rods.counts)} strands sum to {rods.counts.sum()}{least}; there are {n} points",
-                    "2 or more points a strand, as many as there are in all", "author points and curveVertexCounts again")
+        yield thing_error(path,
+                           f"counts of {len(rods.counts)} strands sum to {rods.counts.sum()}{least}; there are {n} points",
+                           "2 or more points a strand, as many as there are in all",
+                           "author points and curveVertexCounts again")
         return
-    wrong = [*_arrays(rods)]
+    wrong = [*_check_rod_arrays(rods)]
     yield from wrong
     for name, strict in (("young", True), ("density", True)):
-        yield from number(path, name, getattr(rods, name), 0.0, strict)
+        yield from check_number(path, name, getattr(rods, name), 0.0, strict)
     if not -1.0 < rods.poisson <= 0.5:
-        yield error(path, f"poisson is {rods.poisson:g}", "above -1, at most 0.5", "author another Poisson's ratio")
+        yield thing_error(path, f"poisson is {rods.poisson:g}", "above -1, at most 0.5", "author another Poisson's ratio")
     for name in ("stretch", "bend", "twist"):
         if (value := getattr(rods, name)) is not None:
-            yield from number(path, name, value, 0.0, name == "stretch")
+            yield from check_number(path, name, value, 0.0, name == "stretch")
     for name in ("static_friction", "dynamic_friction", "damping", "drag", "skin_drag"):
-        yield from number(path, name, getattr(rods, name), 0.0)
+        yield from check_number(path, name, getattr(rods, name), 0.0)
     if wrong:
         return
-    yield from _edges(rods)
-    yield from _directors(rods)
-    yield from _pins(rods)
-    yield from _colliders(rods, scene)
+    yield from _check_edge_lengths(rods)
+    yield from _check_directors(rods)
+    yield from _check_rod_pins(rods)
+    yield from _check_strands_in_colliders(rods, scene)
     for c in scene.colliders:
         if isinstance(c.shape, Surface) and getattr(getattr(c.shape.poses, "skeleton", None), "bodies", None):
-            yield warning(path, f"rigid bodies drive the joints of the mesh {c.path}, and strands meet its shape at the start",
-                          "meshes that are still or animated", "give the joints keys")
+            yield object_warning(path,
+                                 f"rigid bodies drive the joints of the mesh {c.path}, and strands meet its shape at the start",
+                                 "meshes that are still or animated", "give the joints keys")
     if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
-        yield warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
+        yield object_warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
     through = [b.path for b in scene.bodies() if not (rods.self_collision and getattr(b, "self_collision", False))]
     if through:
-        yield warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
-                      "colliders, rigid bodies, or cloth and soft bodies that collide as strands do",
-                      "give wsim:selfCollision to both, or what they shall meet as a collider")
+        yield object_warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
+                             "colliders, rigid bodies, or cloth and soft bodies that collide as strands do",
+                             "give wsim:selfCollision to both, or what they shall meet as a collider")
     if scene.things("Body"):
-        yield from _bodies(rods, scene)
+        yield from _check_strands_in_bodies(rods, scene)
 
 
-def _bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
+def _check_strands_in_bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
     """Rigid bodies in which strands begin, and such as they do not meet."""
-    from wsim.physics.rigid.solids import meeting, met_by_strands
-    from wsim.scene.check.signed_distance import distance
-    found = {body.path: colliders for body, colliders in met_by_strands(scene)}
-    if missed := [body.path for body in scene.things("Body") if meeting(body) and body.path not in found]:
-        yield warning(rods.path, f"strands pass through {', '.join(missed[:3])}{', ...' * (len(missed) > 3)}, which drives "
-                      "what a skeleton moves", "what it moves as a collider", "give PhysicsCollisionAPI to that")
+    from wsim.physics.rigid.solids import bodies_met_by_strands, touching_colliders
+    from wsim.scene.check.signed_distance import collider_signed_distance
+    found = {body.path: colliders for body, colliders in bodies_met_by_strands(scene)}
+    if missed := [body.path for body in scene.things("Body") if touching_colliders(body) and body.path not in found]:
+        yield object_warning(rods.path,
+                             f"strands pass through {', '.join(missed[:3])}{', ...' * (len(missed) > 3)}, which drives "
+                             "what a skeleton moves", "what it moves as a collider", "give PhysicsCollisionAPI to that")
     x = rods.motion.points(rods.points, 0.0)
     for body in scene.things("Body"):
         for c in found.get(body.path, ()):
             where = replace(c, motion=Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)))
-            deep = -distance(where, x, 0.0)
-            for what, depth in (("points", deep), ("edges, between their points,", _within(rods, where, x, deep))):
+            deep = -collider_signed_distance(where, x, 0.0)
+            for what, depth in (("points", deep), ("edges, between their points,", _edge_depths(rods, where, x, deep))):
                 if (depth > 0.0).any():
                     k = int(np.argmax(depth))
-                    yield warning(rods.path, f"{np.count_nonzero(depth > 0.0)} {what} begin inside of {c.path}, the deepest, "
-                                  f"{k}, by {depth[k]:.3g} m: the first substep throws them out, and {body.path} the other way",
-                                  "strands beside it", "move one of both")
+                    yield object_warning(rods.path,
+                                         f"{np.count_nonzero(depth > 0.0)} {what} begin inside of {c.path}, the deepest, "
+                                         f"{k}, by {depth[k]:.3g} m: the first substep throws them out, and {body.path} the "
+                                         f"other way",
+                                         "strands beside it", "move one of both")
 
 
-def _colliders(rods: Rods, scene: Scene) -> Iterator[Problem]:
+def _check_strands_in_colliders(rods: Rods, scene: Scene) -> Iterator[Problem]:
     """Colliders in which strands begin, at free points or between two that are outside."""
-    from wsim.scene.check.signed_distance import distance
+    from wsim.scene.check.signed_distance import collider_signed_distance
     if not scene.colliders:
         return
     x, free = rods.motion.points(rods.points, 0.0), np.ones(len(rods.points), bool)
@@ -92,19 +98,20 @@ def _colliders(rods: Rods, scene: Scene) -> Iterator[Problem]:
     seen, near = np.flatnonzero(free)[::step], SUNK * float(np.ptp(x, axis=0).max())
     for c in scene.colliders:
         deep = np.zeros(len(x))
-        deep[seen] = -distance(c, x[seen], near)
-        between = _within(rods, c, x, -distance(c, x, near)) if step == 1 else np.zeros(len(x))
+        deep[seen] = -collider_signed_distance(c, x[seen], near)
+        between = _edge_depths(rods, c, x, -collider_signed_distance(c, x, near)) if step == 1 else np.zeros(len(x))
         for what, depth in (("points", deep), ("edges, between their points,", between)):
             if (inside := depth > near).any():
                 k = int(np.argmax(depth))
-                yield warning(rods.path, f"{np.count_nonzero(inside)} {what} begin inside of {c.path}, the deepest, {k}, by "
-                              f"{depth[k]:.3g} m: they are thrown out by the nearest way", "strands beside it",
-                              "move one of both, or pin those points")
+                yield object_warning(rods.path,
+                                     f"{np.count_nonzero(inside)} {what} begin inside of {c.path}, the deepest, {k}, by "
+                                     f"{depth[k]:.3g} m: they are thrown out by the nearest way", "strands beside it",
+                                     "move one of both, or pin those points")
 
 
-def _within(rods: Rods, c: Collider, x: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def _edge_depths(rods: Rods, c: Collider, x: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """How deep [m] edges are in a collider whose points x are not, at `PLACES` of them; 0 of others."""
-    from wsim.scene.check.signed_distance import distance
+    from wsim.scene.check.signed_distance import collider_signed_distance
     found = np.zeros(len(x))
     own = (depth[:-1] <= 0.0) & (depth[1:] <= 0.0)
     own[np.cumsum(rods.counts)[:-1] - 1] = False
@@ -115,33 +122,34 @@ def _within(rods: Rods, c: Collider, x: np.ndarray, depth: np.ndarray) -> np.nda
         away = np.linalg.norm(x[k] + 0.5 * d[k] - M[:3, :3] @ center - M[:3, 3], axis=1) - np.linalg.norm(
             points - center, axis=1).max()
     else:
-        away = distance(c, x[k] + 0.5 * d[k], 0.0)
+        away = collider_signed_distance(c, x[k] + 0.5 * d[k], 0.0)
     k = k[away < 0.5 * np.linalg.norm(d[k], axis=1)]
     k = k[::max(1, -(-len(k) // SEEN))]
     u = np.arange(1, PLACES + 1)[:, None, None] / (PLACES + 1.0)
-    found[k] = -distance(c, (x[k] + u * d[k]).reshape(-1, 3), 0.0).reshape(PLACES, len(k)).min(axis=0)
+    found[k] = -collider_signed_distance(c, (x[k] + u * d[k]).reshape(-1, 3), 0.0).reshape(PLACES, len(k)).min(axis=0)
     return np.maximum(found, 0.0)
 
 
-def _arrays(rods: Rods) -> Iterator[Problem]:
+def _check_rod_arrays(rods: Rods) -> Iterator[Problem]:
     path, n = rods.path, len(rods.points)
     for name in ("points", "velocities", "rest_points", "directors", "rest_directors"):
         value = getattr(rods, name)
         if value is None:
             continue
         if len(value) != n:
-            yield error(path, f"{name} has {len(value)} values", f"{n}, one a point", "author it again")
+            yield thing_error(path, f"{name} has {len(value)} values", f"{n}, one a point", "author it again")
         elif not np.isfinite(value).all():
             k = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
-            yield error(path, f"{AUTHORED.get(name, name)}[{k}] is {value[k].tolist()}", "finite numbers", "author it again")
+            yield thing_error(path, f"{AUTHORED.get(name, name)}[{k}] is {value[k].tolist()}", "finite numbers",
+                               "author it again")
     for name, sizes in (("diameters", (1, n)), ("masses", (n,))):
         value = getattr(rods, name)
         if value is not None and (len(value) not in sizes or not (np.isfinite(value) & (value > 0.0)).all()):
-            yield error(path, f"{name} has {len(value)} values, the least is {value.min(initial=np.inf):g}",
-                        f"{' or '.join(map(str, sizes))} finite numbers > 0", "author it again")
+            yield thing_error(path, f"{name} has {len(value)} values, the least is {value.min(initial=np.inf):g}",
+                               f"{' or '.join(map(str, sizes))} finite numbers > 0", "author it again")
 
 
-def _lengths(rods: Rods) -> np.ndarray:
+def _rest_edge_lengths(rods: Rods) -> np.ndarray:
     """Length at rest from each point to the next [m]; inf between strands."""
     world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
     length = np.linalg.norm(np.diff(world, axis=0), axis=1)
@@ -149,25 +157,27 @@ def _lengths(rods: Rods) -> np.ndarray:
     return length
 
 
-def _edges(rods: Rods) -> Iterator[Problem]:
+def _check_edge_lengths(rods: Rods) -> Iterator[Problem]:
     """Edges without length, or shorter than they are thick."""
-    length = _lengths(rods)
+    length = _rest_edge_lengths(rods)
     thick = np.broadcast_to(rods.diameters, len(rods.points))[:-1]
     if length.min(initial=np.inf) <= 0.0:
         k = int(np.argmin(length))
-        yield error(rods.path, f"points {k} and {k + 1} of a strand are in one place", "edges with a length",
-                    "remove the double point")
+        yield thing_error(rods.path, f"points {k} and {k + 1} of a strand are in one place", "edges with a length",
+                           "remove the double point")
     elif (stout := length < STOUT * (1.0 - NEAR) * thick).any():
         k = int(np.argmax(stout))
-        yield warning(rods.path, f"{np.count_nonzero(stout)} edges are shorter than they are thick, such as that of point {k}: "
-                      f"{length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods", "give fewer points, or a diameter of "
-                      f"at most {three_digits(float(length[stout].min()) / STOUT, floor):.3g} m")
+        yield object_warning(rods.path,
+                             f"{np.count_nonzero(stout)} edges are shorter than they are thick, such as that of point {k}: "
+                             f"{length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods", "give fewer points, or a diameter of "
+                             f"at most {three_digits(float(length[stout].min()) / STOUT, floor):.3g} m")
     if (short := rods.counts < LEAST).any():
-        yield warning(rods.path, f"{np.count_nonzero(short)} strands have {int(rods.counts.min())} points, and do not bend",
-                      f"{LEAST} or more", "give a point more")
+        yield object_warning(rods.path,
+                             f"{np.count_nonzero(short)} strands have {int(rods.counts.min())} points, and do not bend",
+                             f"{LEAST} or more", "give a point more")
 
 
-def _directors(rods: Rods) -> Iterator[Problem]:
+def _check_directors(rods: Rods) -> Iterator[Problem]:
     """Directors that are zero or along their edge: they say no turn of it."""
     R, inner = rods.motion.at(0.0)[:3, :3], np.ones(len(rods.points) - 1, bool)
     inner[np.cumsum(rods.counts)[:-1] - 1] = False
@@ -180,27 +190,29 @@ def _directors(rods: Rods) -> Iterator[Problem]:
         lost = inner & (np.linalg.norm(np.cross(d, t), axis=1) <= ACROSS * size) & (np.linalg.norm(t, axis=1) > 0.0)
         if lost.any():
             k = int(np.argmax(lost))
-            yield error(rods.path, f"{AUTHORED[name]}[{k}] is {given[k].tolist()}, the edge behind point {k} goes along "
-                        f"{np.diff(x, axis=0)[k].tolist()} ({np.count_nonzero(lost)} such edges)",
-                        "directions across their edges, not 0", "author it again, or leave it out: no twist then")
+            yield thing_error(rods.path, f"{AUTHORED[name]}[{k}] is {given[k].tolist()}, the edge behind point {k} goes along "
+                               f"{np.diff(x, axis=0)[k].tolist()} ({np.count_nonzero(lost)} such edges)",
+                               "directions across their edges, not 0", "author it again, or leave it out: no twist then")
 
 
-def _pins(rods: Rods) -> Iterator[Problem]:
+def _check_rod_pins(rods: Rods) -> Iterator[Problem]:
     n, held = len(rods.points), np.zeros(len(rods.points), int)
     for pin in rods.pins:
         if len(pin.points) == 0 or pin.points.min() < 0 or pin.points.max() >= n:
-            yield error(pin.path, f"holds points {pin.points.min(initial=0)} to {pin.points.max(initial=-1)} of {rods.path}",
-                        f"0 to {n - 1}", "name points that there are")
+            yield thing_error(pin.path,
+                               f"holds points {pin.points.min(initial=0)} to {pin.points.max(initial=-1)} of {rods.path}",
+                               f"0 to {n - 1}", "name points that there are")
             continue
         if pin.places is not None and len(pin.places) != len(pin.points):
-            yield error(pin.path, f"has {len(pin.places)} places and {len(pin.points)} points", "one a point",
-                        "author it again")
+            yield thing_error(pin.path, f"has {len(pin.places)} places and {len(pin.points)} points", "one a point",
+                               "author it again")
         if np.isfinite(pin.stiffness):
-            yield error(pin.path, f"its stiffness is {pin.stiffness:g} N/m", "inf: strands are held hard",
-                        "take physics:stiffness off, or tie them otherwise")
+            yield thing_error(pin.path, f"its stiffness is {pin.stiffness:g} N/m", "inf: strands are held hard",
+                               "take physics:stiffness off, or tie them otherwise")
         if pin.follows is not None:
-            yield error(pin.path, f"holds strands of {rods.path} at a mesh that a skeleton moves", "an xform",
-                        "attach them to an Xform that goes with the joint; in Python, motion=skeleton.joint_motion(JOINT)")
+            yield thing_error(pin.path, f"holds strands of {rods.path} at a mesh that a skeleton moves", "an xform",
+                               "attach them to an Xform that goes with the joint; in Python, "
+                               "motion=skeleton.joint_motion(JOINT)")
         np.add.at(held, pin.points, 1)
     if (held > 1).any():
-        yield error(rods.path, f"point {int(np.argmax(held > 1))} is held by two pins", "one", "leave it to one of them")
+        yield thing_error(rods.path, f"point {int(np.argmax(held > 1))} is held by two pins", "one", "leave it to one of them")

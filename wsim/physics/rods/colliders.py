@@ -3,52 +3,52 @@
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import quaternion
-from wsim.kernels.contact import shape
-from wsim.physics.collider.rows import fill
-from wsim.physics.contact.mesh import Mesh
+from wsim.geometry.rotation import matrix_quat
+from wsim.kernels.contact.collider import shape
+from wsim.physics.contact.collider.mesh import ColliderMesh
+from wsim.physics.contact.collider.rows import fill_collider_table
 from wsim.scene import Surface, solids
-from wsim.scene.solids import row
+from wsim.scene.solids import shape_row
 
 
-def forms(of) -> bool:
+def deforms_for_strands(of) -> bool:
     """Whether strands meet a shape as it deforms; joints that rigid bodies drive are known on the device alone."""
     poses = of.poses if isinstance(of, Surface) else None
     return poses is not None and poses.moves and not (hasattr(poses, "skeleton") and poses.skeleton.bodies)
 
 
-def kinds(meshes: list[Mesh | None], colliders: list) -> list[str]:
+def strand_collider_kinds(meshes: list[ColliderMesh | None], colliders: list) -> list[str]:
     """Kind of each collider: a convex shape's, "solid" of a closed mesh, "sheet" of another."""
-    found = [row(c.shape).kind if m is None else "solid" if m.closed else "sheet"
+    found = [shape_row(c.shape).kind if m is None else "solid" if m.closed else "sheet"
              for m, c in zip(meshes, colliders, strict=True)]
     shape.make_known(solids.SOLIDS, found)
     return found
 
 
-class Obstacles:
+class StrandObstacles:
     """Colliders of a scene, and where they are at the starts and ends of substeps."""
 
     def __init__(self, colliders: list, device, substeps: int):
         self.colliders, self.device = colliders, device
-        self.meshes = [Mesh.build(c) if isinstance(c.shape, Surface) else None for c in colliders]
+        self.meshes = [ColliderMesh.build(c) if isinstance(c.shape, Surface) else None for c in colliders]
         for mesh in filter(None, self.meshes):
             mesh.place(device, substeps)                 # the shape where it starts
         self.shapes: dict[int, list[wp.Mesh]] = {}       # of meshes that deform, at the starts and ends of substeps
-        names = kinds(self.meshes, colliders)
+        names = strand_collider_kinds(self.meshes, colliders)
         self.kinds = tuple(sorted(set(names)))
-        self.table = fill(
+        self.table = fill_collider_table(
             wp.float64, device, names, thick=[c.thickness or 0.0 for c in colliders],
-            size=[(0.0, 0.0, 0.0) if isinstance(c.shape, Surface) else row(c.shape).size(c.shape) for c in colliders],
+            size=[(0.0, 0.0, 0.0) if isinstance(c.shape, Surface) else shape_row(c.shape).size(c.shape) for c in colliders],
             friction=[(c.static_friction, c.dynamic_friction) for c in colliders],
             restitution=[c.restitution for c in colliders])
-        self.resize(substeps)
+        self.resize_pose_table(substeps)
 
-    def resize(self, substeps: int) -> None:
+    def resize_pose_table(self, substeps: int) -> None:
         """Room for so many substeps, 0: for shapes alone, which something else places."""
         self.table.pose = wp.zeros((substeps + 1, len(self.colliders)), dtype=wp.transformd, device=self.device)
         times = max(substeps, 1) + 1
         ids = np.tile(np.array([m.id if m else 0 for m in self.meshes], np.uint64), (times, 1))
-        for c in (c for c, collider in enumerate(self.colliders) if forms(collider.shape)):
+        for c in (c for c, collider in enumerate(self.colliders) if deforms_for_strands(collider.shape)):
             self.shapes[c] = [self._copy(c) for _ in range(times)]
             ids[:, c] = [mesh.id for mesh in self.shapes[c]]
         self.table.mesh = wp.array(ids.ravel(), dtype=wp.uint64, device=self.device)
@@ -67,5 +67,5 @@ class Obstacles:
         if self.posed and not any(c.motion.moves for c in self.colliders):
             return
         found = np.stack([c.motion.sampled(times) for c in self.colliders], axis=1)
-        self.table.pose.assign(np.concatenate([found[..., :3, 3], quaternion(found[..., :3, :3])], axis=-1))
+        self.table.pose.assign(np.concatenate([found[..., :3, 3], matrix_quat(found[..., :3, :3])], axis=-1))
         self.posed = True

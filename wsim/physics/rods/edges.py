@@ -1,5 +1,6 @@
-"""Edges of strands that touch each other, as tables of the search and the proof of surfaces (kernels/selfcontact/pairs.py), of
-edges alone. A strand's rest shape is the line of its own length: what keeps neighbours apart is the length between them."""
+"""Edges of strands that touch each other, as tables of the search and the proof of surfaces
+(kernels/contact/selfcontact/pairs.py), of edges alone. A strand's rest shape is the line of its own length: what keeps
+neighbours apart is the length between them."""
 
 from __future__ import annotations
 
@@ -9,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.selfcontact import pairs
-from wsim.kernels.selfcontact.tubes import LONG
-from wsim.model.structs import filled
-from wsim.physics.selfcontact.start import Strands, crowded, joined
-from wsim.physics.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
+from wsim.kernels.contact.selfcontact import pairs
+from wsim.kernels.contact.selfcontact.motion_bounds import LONG
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.selfcontact.start import StartingStrands, refuse_crowded_points, report_touching_strands
+from wsim.physics.contact.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
 from wsim.scene import Problem
 
 if TYPE_CHECKING:
-    from wsim.physics.rods.tables import Table
-    from wsim.physics.rods.together import Ground
+    from wsim.physics.rods.coupled_newton import CoupledGround
+    from wsim.physics.rods.tables import StrandTable
 
 
-class Edges:
-    """Rods that say so touch themselves and each other, as `Surfaces` do."""
+class StrandEdges:
+    """Rods that say so touch themselves and each other, as `ContactSurfaces` do."""
 
-    def __init__(self, table: Table, ground: Ground):
+    def __init__(self, table: StrandTable, ground: CoupledGround):
         self.table, self.ground, m = table, ground, table.strands
         on = np.zeros(m, bool)
         for own, (rods, _) in zip(table.own, table.pairs, strict=True):
@@ -52,7 +53,7 @@ class Edges:
         self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
         self.data = self._upload(ground, reach)
 
-    def _upload(self, ground: Ground, reach: np.ndarray) -> Any:
+    def _upload(self, ground: CoupledGround, reach: np.ndarray) -> Any:
         t, m = self.table, self.table.strands
         far, unit, friction = np.zeros((m, 3)), np.zeros(m), np.zeros((m, 2))
         for own, (rods, _) in zip(t.own, t.pairs, strict=True):
@@ -64,14 +65,14 @@ class Edges:
         w = np.where(free, 1.0 / np.where(free, t.values["m"], 1.0), 0.0).ravel()
         up, k = ground.upload, self.strand
         self.base = t.origin[0]
-        return filled(
-            pairs.surfaces(wp.float64), w=up(w, wp.float64), point=up(self.points, int), edge=up(self.edges, wp.vec2i),
+        return fill_struct(
+            pairs.surface_type(wp.float64), w=up(w, wp.float64), point=up(self.points, int), edge=up(self.edges, wp.vec2i),
             triangle=up(self.triangles, wp.vec3i), unit=up(unit[k], wp.float64), reach=up(reach, wp.float64),
             friction=up(friction[k], wp.vec2d), rest=up(self.along[:, None] * (1.0, 0.0, 0.0), wp.vec3d), body=up(k, int),
             world=up(self.world, int), shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
             longest=LONG * self.edge, tied=0, ulp=ULP[np.float64])
 
-    def start(self, model: Ground) -> np.ndarray:
+    def start(self, model: CoupledGround) -> np.ndarray:
         """Where all points begin, from the origin of the first strand [m], (points, 3)."""
         return self.table.x.reshape(-1, 3) + (self.table.origin - self.base)[self.strand]
 
@@ -79,8 +80,9 @@ class Edges:
         """Warnings about how strands start in the first world. Raises SceneError where too many are in one place."""
         x, first, reach = self.start(self.ground) + self.base, self.world == 0, self.table.values["radius"].ravel()
         own, edges, paths = self.points[first[self.points]], self.edges[first[self.edges[:, 0]]], self.paths[self.strand]
-        crowded(x[own], paths[own], "strands", self)
-        return joined(Strands(x, self.along, reach, edges, self.strand[edges[:, 0]], paths[edges[:, 0]]))
+        refuse_crowded_points(x[own], paths[own], "strands", self)
+        return report_touching_strands(StartingStrands(x, self.along, reach, edges, self.strand[edges[:, 0]],
+                                                       paths[edges[:, 0]]))
 
     def sides(self) -> SimpleNamespace:
         """Mass [kg] and E A / d [N/m] of every point, and its strand."""

@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.forces import forces
+from wsim.kernels.rods.forces import strand_force_kernel
 from wsim.model import kernel_cache
-from wsim.physics.rods.tables import Table
+from wsim.physics.rods.tables import StrandTable
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.nodal.loads import given_curve
 
 if TYPE_CHECKING:
-    from wsim.physics.rods.method import Strands
+    from wsim.physics.rods.method import RodMethod
 
 
 class StrandLoads:
     """Loads on points of strands: `borne`, of each load and world its curve, the flat rows of its points and their parts."""
 
-    def __init__(self, scene: Scene, table: Table, strands: Any, substeps: int):
+    def __init__(self, scene: Scene, table: StrandTable, strands: Any, substeps: int):
         self.table = table
         self.borne: list[list[Any]] = [
             [load, load.curve, table.place[k][load.points], load.parts, world]
@@ -70,7 +70,7 @@ class StrandLoads:
 class StrandReactions:
     """Reactions of the pins of strands; its kernel is compiled when first asked for."""
 
-    def __init__(self, strands: Strands):
+    def __init__(self, strands: RodMethod):
         self.strands = strands
         self.kernel: Any = None
 
@@ -92,7 +92,7 @@ class StrandReactions:
         a -= s.strands.gravity.numpy()[rows % t.strands]
         if s.airy:
             a += s.strands.decay.numpy()[rows % t.strands, None] * s.part.arrays["v"].numpy()[rows]
-        return t.values["m"].ravel()[rows, None] * a - self._felt()[rows] - s.loads.forces(time)[rows]
+        return t.values["m"].ravel()[rows, None] * a - self._elastic_strand_forces()[rows] - s.loads.forces(time)[rows]
 
     def _targets(self, rows: np.ndarray, time: float) -> np.ndarray:
         """Where pins put points at a time [m], (points, 3)."""
@@ -101,11 +101,11 @@ class StrandReactions:
         frames = {k: t.motions[k].at(time) for k, _, _ in held}
         return np.stack([frames[k][:3, :3] @ place + frames[k][:3, 3] for k, place, _ in held])
 
-    def _felt(self) -> np.ndarray:
+    def _elastic_strand_forces(self) -> np.ndarray:
         s, t = self.strands, self.strands.table
         if self.kernel is None:
-            self.kernel = forces(s.airy, f"wsim_rods_reactions{'_air' * s.airy}")
-            kernel_cache.load(self.kernel.module, s.model.device)
+            self.kernel = strand_force_kernel(s.airy, f"wsim_rods_reactions{'_air' * s.airy}")
+            kernel_cache.load_kernel_module(self.kernel.module, s.model.device)
         out = wp.zeros((t.longest, t.strands), dtype=wp.vec3d, device=s.model.device)
         wp.launch(self.kernel, t.strands, [s.strands, s.moving()], [out], device=s.model.device)
         return out.numpy().reshape(-1, 3)

@@ -1,6 +1,6 @@
 """Rods on the device: the part "rods", a row a point of each strand of every world, in float64 whatever the precision of a
 simulation is: strains are differences of positions of 1e-9 of a strand's length. All substeps of a frame are one launch, a
-thread a strand (kernels/rods/march.py); on a GPU a launch for each part of an iteration (apart.py)."""
+thread a strand (kernels/rods/march.py); on a GPU a launch for each part of an iteration (gpu_elimination.py)."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -9,58 +9,58 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods import tables
-from wsim.kernels.rods.march import TOLERANCE, strands
+from wsim.kernels.rods.march import TOLERANCE, strand_march_kernel
 from wsim.model.stage import Clock, Method, Ports, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.rods.colliders import Obstacles
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.rods.colliders import StrandObstacles
 from wsim.physics.rods.forces import StrandLoads, StrandReactions
-from wsim.physics.rods.tables import Table
+from wsim.physics.rods.tables import StrandTable
 from wsim.scene import Scene
-from wsim.scene.methods import touches
-from wsim.scene.samples import Points, Sample
+from wsim.scene.methods import has_self_collision
+from wsim.scene.samples import PointSample, Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
-FIELDS = (Field("x", "m", True, "position relative to the strand's first point at the start", "vec3d"),
-          Field("v", "m/s", True, "velocity", "vec3d"), Field("s", "m", True, "step before this one", "vec3d"),
-          Field("u", "m/s", True, "velocity before this one", "vec3d"),
-          Field("d", "", True, "material director of the edge behind a point", "vec3d"),
-          Field("w", "rad/s", True, "spin of that edge about itself, its turn before, its spin before", "vec3d"),
-          Field("stick", "m", True, "bristle of a point that touches a collider", "vec3d"),
-          Field("load", "N", True, "normal force of a collider on it", "double"),
-          Field("phi", "rad", True, "twist at a point", "double"),
-          Field("begun", "1", True, "1: it carries on the step before", "int"))
+FIELDS = (StateField("x", "m", True, "position relative to the strand's first point at the start", "vec3d"),
+          StateField("v", "m/s", True, "velocity", "vec3d"), StateField("s", "m", True, "step before this one", "vec3d"),
+          StateField("u", "m/s", True, "velocity before this one", "vec3d"),
+          StateField("d", "", True, "material director of the edge behind a point", "vec3d"),
+          StateField("w", "rad/s", True, "spin of that edge about itself, its turn before, its spin before", "vec3d"),
+          StateField("stick", "m", True, "bristle of a point that touches a collider", "vec3d"),
+          StateField("load", "N", True, "normal force of a collider on it", "double"),
+          StateField("phi", "rad", True, "twist at a point", "double"),
+          StateField("begun", "1", True, "1: it carries on the step before", "int"))
 EDGES = tuple(field for k, which in ((1, "first"), (2, "second")) for field in (
-    Field(f"stick{k}", "m", True, f"bristle of the {which} place where an edge touches a collider between its points", "vec3d"),
-    Field(f"load{k}", "N", True, "normal force of a collider there", "double")))
+    StateField(f"stick{k}", "m", True, f"bristle of the {which} place where an edge touches a collider between its points",
+               "vec3d"), StateField(f"load{k}", "N", True, "normal force of a collider there", "double")))
 LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
 APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
 
 
 def build(b: "Build") -> Method:
-    return Strands(b)
+    return RodMethod(b)
 
 
 def signature(b) -> list:
     return []                                            # kernels stand in modules of their own
 
 
-def module(names: tuple[str, ...], airy: bool, touching: bool, apart: bool) -> str:
+def rod_module_name(names: tuple[str, ...], airy: bool, touching: bool, apart: bool) -> str:
     """Module of the kernels that meet colliders of such kinds, air, other strands."""
     return "_".join(("wsim_rods", *names, *("air",) * airy, *("touch",) * touching, *("apart",) * apart))
 
 
-def airy(scene: Scene) -> bool:
+def air_acts_on_rods(scene: Scene) -> bool:
     """True if the air acts on rods of a scene."""
     return bool(scene.air_drag) or any(v.name == "air_drag" for v in scene.varying) or any(
         rods.drag or rods.skin_drag for rods in scene.things("Rods"))
 
 
-class Strands(Method):
+class RodMethod(Method):
     """`table`: strands of all rods and worlds. touching: what they are solved together by where they touch themselves or
     rigid bodies, else None; among: what they meet surfaces by, likewise."""
 
@@ -70,51 +70,51 @@ class Strands(Method):
         super().__init__("rods")
         self.model, self.clock, device = b.model, b.clock, b.model.device
         rods = b.scene.things("Rods")
-        self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
+        self.table = t = StrandTable([(each, world) for world in range(b.model.worlds) for each in rods])
         touching = any(each.self_collision for each in rods)
-        meeting = bool(touching and touches(b.scene) and b.model.bodies)       # surfaces: in their substeps
-        bearing = bool(b.scene.things("Body") and self._met(b.scene))          # rigid bodies: likewise
+        meeting = bool(touching and has_self_collision(b.scene) and b.model.bodies)  # surfaces: in their substeps
+        bearing = bool(b.scene.things("Body") and self._met_bodies(b.scene))   # rigid bodies: likewise
         self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
-        self.obstacles = Obstacles(b.scene.colliders, device, self.substeps)
+        self.obstacles = StrandObstacles(b.scene.colliders, device, self.substeps)
         names = self.obstacles.kinds
-        self.airy, self.among, together = airy(b.scene), None, touching or bearing         # type: bool, Any, bool
+        self.airy, self.among, together = air_acts_on_rods(b.scene), None, touching or bearing  # type: bool, Any, bool
         apart = not together and (self.model.device.is_cuda if APART is None else APART)
-        own = module(names, self.airy, touching, apart) + "_among" * meeting
+        own = rod_module_name(names, self.airy, touching, apart) + "_among" * meeting
         if bearing:
-            from wsim.physics.rods.bodies import named
-            own += named(b.scene, self.model.real)
+            from wsim.physics.rods.bodies import body_module_suffix
+            own += body_module_suffix(b.scene, self.model.real)
         b.model.modules[own] = THREADS
         self._allocate(b, meeting, bearing)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
         self.loads = StrandLoads(b.scene, t, self.strands, self.substeps)
-        self.trial = self._trial(together)
-        self.said, self.left = b.status.mirrored((t.strands, 3), wp.float64)
+        self.trial = self._make_trial(together)
+        self.said, self.left = b.status.mirrored_array((t.strands, 3), wp.float64)
         self.touching: Any = None
         if together:
-            self.touching = self._touching(own, b.status, touching, bearing)
+            self.touching = self._make_coupled_solver(own, b.status, touching, bearing)
         b.state.add(*[self.touching.memory] if touching else [])
         if bearing:
-            from wsim.physics.rods.bodies import Bodies
-            self.touching.join(Bodies(self.touching, b.ports.bodies))
+            from wsim.physics.rods.bodies import StrandBodyContacts
+            self.touching.join(StrandBodyContacts(self.touching, b.ports.bodies))
         self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         if self.airy:
-            self._breathe(b.scene)
+            self._set_air_tables(b.scene)
         if meeting:
-            from wsim.physics.rods.among import Among
-            self.among = Among(self, own)
+            from wsim.physics.rods.with_surfaces import StrandSurfaceContacts
+            self.among = StrandSurfaceContacts(self, own)
             self.stages, self.offers = self.among.stages, Ports(strands=self.among)
         else:
-            self.stages = [self._stage(own, apart)]
+            self.stages = [self._make_rod_stage(own, apart)]
         if touching:
             self.offers.start_warnings = self.touching.told
         self.offers.rods, self.offers.strand_reactions = self, StrandReactions(self)
 
-    def _met(self, scene: Scene) -> list:
-        from wsim.physics.rigid.solids import met_by_strands
-        return met_by_strands(scene)
+    def _met_bodies(self, scene: Scene) -> list:
+        from wsim.physics.rigid.solids import bodies_met_by_strands
+        return bodies_met_by_strands(scene)
 
-    def _stage(self, own: str, apart: bool) -> Stage:
+    def _make_rod_stage(self, own: str, apart: bool) -> Stage:
         """The stage that is a frame. own: name of the module of kernels; apart: a launch for each part of an iteration."""
         t = self.table
         points = sum(len(r.points) for r, _ in t.pairs)
@@ -126,29 +126,29 @@ class Strands(Method):
             return Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
                          what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof")
         if apart:
-            from wsim.physics.rods.apart import Apart
-            return Stage("rods", "predict", Apart(self, own, self.model.device).advance, 30 * self.substeps, self.part.bytes,
-                         "frame", what + "BDF2, float64")
-        self.kernel = strands(self.obstacles.kinds, self.airy, own)
+            from wsim.physics.rods.gpu_elimination import StrandElimination
+            return Stage("rods", "predict", StrandElimination(self, own, self.model.device).advance, 30 * self.substeps,
+                         self.part.bytes, "frame", what + "BDF2, float64")
+        self.kernel = strand_march_kernel(self.obstacles.kinds, self.airy, own)
         return Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame", what + "BDF2 in one launch, float64")
 
-    def _touching(self, name: str, status: Status, edges: bool, bodies: bool) -> Any:
+    def _make_coupled_solver(self, name: str, status: FrameStatus, edges: bool, bodies: bool) -> Any:
         """All strands together; edges: with contacts of their edges; bodies: of rigid bodies."""
         if edges:
-            from wsim.physics.rods.touch import Touching
-            return Touching(self, name, status, self.model.device, bodies)
-        from wsim.physics.rods.together import Together
-        return Together(self, name, status, self.model.device, bodies)
+            from wsim.physics.rods.touch import StrandSelfContact
+            return StrandSelfContact(self, name, status, self.model.device, bodies)
+        from wsim.physics.rods.coupled_newton import CoupledStrands
+        return CoupledStrands(self, name, status, self.model.device, bodies)
 
     def _allocate(self, b, meeting: bool, bearing: bool) -> None:
         t, device, more = self.table, self.model.device, EDGES if self.obstacles.kinds else ()
         if meeting:
-            from wsim.physics.rods.among import PUSH
+            from wsim.physics.rods.with_surfaces import PUSH
             more += PUSH
         if bearing:
             from wsim.physics.rods.bodies import CLING
             more += CLING
-        self.part = Part.allocate("rods", FIELDS + more, t.longest * t.strands, self.model.real, device)
+        self.part = StatePart.allocate("rods", FIELDS + more, t.longest * t.strands, self.model.real, device)
         self.part.rows = {(rods.path, world): place for (rods, world), place in zip(t.pairs, t.place, strict=True)}
         for name, values in (("x", t.x), ("v", t.v), ("d", t.d), ("u", t.v), ("phi", t.phi[..., None])):
             self.part.arrays[name].assign(values.reshape(-1, values.shape[-1]).squeeze(-1) if name == "phi" else
@@ -159,9 +159,9 @@ class Strands(Method):
         """The state as kernels have it."""
         two = (self.table.longest, self.table.strands)
         fields = FIELDS + EDGES if self.obstacles.kinds else FIELDS
-        return filled(tables.Motion, **{f.name: self.part.arrays[f.name].reshape(two) for f in fields})
+        return fill_struct(tables.RodMotion, **{f.name: self.part.arrays[f.name].reshape(two) for f in fields})
 
-    def _trial(self, together: bool) -> Any:
+    def _make_trial(self, together: bool) -> Any:
         """together: strands are solved for as others are."""
         two, device = (self.table.longest, self.table.strands), self.model.device
         types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64,
@@ -175,7 +175,7 @@ class Strands(Method):
             more["edge"] = wp.zeros(two, dtype=int, device=device)
         if self.obstacles.kinds and not together:
             more["drawn"] = wp.zeros(self.table.strands, dtype=wp.float64, device=device)
-        return filled(tables.Trial, **more, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
+        return fill_struct(tables.RodTrial, **more, **{k: wp.zeros(two, dtype=v, device=device) for k, v in types.items()})
 
     def weigh(self, gravity: np.ndarray) -> None:
         """Sets gravity (worlds, 3) [m/s^2]."""
@@ -189,7 +189,7 @@ class Strands(Method):
         else:
             self.strands.gravity = wp.array(found, dtype=wp.vec3d, device=self.model.device)
 
-    def _breathe(self, scene: Scene) -> None:
+    def _set_air_tables(self, scene: Scene) -> None:
         """Tables of the air."""
         t, device, S = self.table, self.model.device, self.strands
         S.wind = wp.array(np.tile(np.asarray(scene.wind, np.float64), (t.strands, 1)), dtype=wp.vec3d, device=device)
@@ -202,7 +202,7 @@ class Strands(Method):
         n = clock.substeps * self.shortest
         if n != self.substeps:                           # a frame that is repeated with smaller steps
             self.substeps, self.holds = n, self.table.holds_on(self.model.device, n)
-            self.obstacles.resize(n)
+            self.obstacles.resize_pose_table(n)
             self.loads.put_tables(self.strands, n)
         times = time + clock.dt / n * np.arange(n + 1)
         self.evaluates["pins"] = self.table.moving_pins
@@ -231,7 +231,7 @@ class Strands(Method):
         if self.touching and self.touching.memory:
             self.touching.memory.put_back()
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         return self.touching.retry() if self.touching else []
 
     def advance(self, clock: Clock) -> None:
@@ -239,7 +239,7 @@ class Strands(Method):
                                                     clock.dt / self.substeps, self.substeps], [self.said],
                   device=self.model.device, block_dim=THREADS)
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         (left, deep), found = self.left[:, 1:3].T, []
         for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
             if (worst := float(left[own].max(initial=0.0))) > float(TOLERANCE):
@@ -263,7 +263,7 @@ class Strands(Method):
         return x + self.table.origin[place % self.table.strands], v
 
     def samples(self, world: int = 0) -> list[Sample]:
-        return [Points(rods.path, *self.points(k)) for k, (rods, of) in enumerate(self.table.pairs) if of == world]
+        return [PointSample(rods.path, *self.points(k)) for k, (rods, of) in enumerate(self.table.pairs) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
         """Indicators of the first world: the greatest strain of an edge, Newton's iterations and what they left in the last

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wsim.scene import Pin
-from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
 from wsim.scene.curve import Motion
 
 LEAST = 3                          # points of a strand that can bend
 
 
 @dataclass(eq=False)
-class Rods(Compared):
+class Rods(ArrayDataclass):
     """Strands that stretch, bend and twist (Kirchhoff rods: cross-sections stay across their centre line), as in
     `scene.rods("/rope", [(0.1 * k, 1, 0) for k in range(9)], counts=[9], diameters=0.01)`.
 
@@ -71,10 +71,10 @@ class Rods(Compared):
     pins: list[Pin] = field(default_factory=list)
 
     def __post_init__(self):
-        self.points, self.counts = reals(self.points, -1, 3), array(self.counts, np.int32, -1)
-        self.diameters, self.masses = reals(self.diameters, -1), reals(self.masses, -1)
+        self.points, self.counts = real_array(self.points, -1, 3), contiguous_array(self.counts, np.int32, -1)
+        self.diameters, self.masses = real_array(self.diameters, -1), real_array(self.masses, -1)
         for name in ("velocities", "rest_points", "directors", "rest_directors"):
-            setattr(self, name, reals(getattr(self, name), -1, 3))
+            setattr(self, name, real_array(getattr(self, name), -1, 3))
 
     def pin(self, path: str, points, **more) -> Pin:
         """Adds a pin of some points; see `Pin` for the fields."""

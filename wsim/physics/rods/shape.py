@@ -6,50 +6,50 @@ import numpy as np
 FOLD = 1e-3
 
 
-def unit(v: np.ndarray) -> np.ndarray:
+def unit_vectors(v: np.ndarray) -> np.ndarray:
     """v / |v|, (..., 3); 0 stays 0."""
     size = np.linalg.norm(v, axis=-1, keepdims=True)
     return v / np.where(size > 0.0, size, 1.0)
 
 
-def transport(a: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray:
+def transport_directors(a: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by the least rotation from unit tangent a to b."""
     k = np.cross(a, b)
     c = np.maximum(1.0 + np.sum(a * b, -1, keepdims=True), FOLD)
     return v + np.cross(k, v) + np.cross(k, np.cross(k, v)) / c
 
 
-def frames(x: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
+def director_frames(x: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
     """Unit directors (strands, edges, 3) across the edges of x (strands, points, 3): those given, made upright, else without
     twist, transported from the first edge on."""
-    t = unit(np.diff(x, axis=1))
+    t = unit_vectors(np.diff(x, axis=1))
     if given is not None:
-        return unit(given - t * np.sum(given * t, -1, keepdims=True))
+        return unit_vectors(given - t * np.sum(given * t, -1, keepdims=True))
     axis = np.eye(3)[np.argmin(np.abs(t[:, 0]), axis=-1)]
-    found = [unit(axis - t[:, 0] * np.sum(axis * t[:, 0], -1, keepdims=True))]
+    found = [unit_vectors(axis - t[:, 0] * np.sum(axis * t[:, 0], -1, keepdims=True))]
     for i in range(1, t.shape[1]):
-        m = transport(t[:, i - 1], t[:, i], found[-1])
-        found.append(unit(m - t[:, i] * np.sum(m * t[:, i], -1, keepdims=True)))
+        m = transport_directors(t[:, i - 1], t[:, i], found[-1])
+        found.append(unit_vectors(m - t[:, i] * np.sum(m * t[:, i], -1, keepdims=True)))
     return np.stack(found, axis=1)
 
 
-def strains(x: np.ndarray, m: np.ndarray) -> np.ndarray:
+def bending_twist_strains(x: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Curvatures and twist (strands, points, 3) of points x with directors m; 0 at both ends."""
-    t = unit(np.diff(x, axis=1))
+    t = unit_vectors(np.diff(x, axis=1))
     found = np.zeros(x.shape)
     t0, t1, m0, m1 = t[:, :-1], t[:, 1:], m[:, :-1], m[:, 1:]
     c = np.maximum(1.0 + np.sum(t0 * t1, -1, keepdims=True), FOLD)
     kb = 2.0 * np.cross(t0, t1) / c
     n = np.cross(t0, m0) + np.cross(t1, m1)
-    p = transport(t0, t1, m0)
+    p = transport_directors(t0, t1, m0)
     found[:, 1:-1, 0] = 0.5 * np.sum(n * kb, -1)
     found[:, 1:-1, 1] = -0.5 * np.sum((m0 + m1) * kb, -1)
     found[:, 1:-1, 2] = np.arctan2(np.sum(np.cross(p, m1) * t1, -1), np.sum(p * m1, -1))
     return found
 
 
-def carried(rest: np.ndarray, m: np.ndarray, x: np.ndarray) -> np.ndarray:
+def transported_directors(rest: np.ndarray, m: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Directors of x that go with those m of the shape at rest: each turned by the least rotation of its edge."""
-    a, b = unit(np.diff(rest, axis=1)), unit(np.diff(x, axis=1))
-    found = transport(a, b, m)
-    return unit(found - b * np.sum(found * b, -1, keepdims=True))
+    a, b = unit_vectors(np.diff(rest, axis=1)), unit_vectors(np.diff(x, axis=1))
+    found = transport_directors(a, b, m)
+    return unit_vectors(found - b * np.sum(found * b, -1, keepdims=True))

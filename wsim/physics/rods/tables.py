@@ -4,13 +4,13 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods import tables
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.rods import shape
 from wsim.physics.rods.objects import Rods
 from wsim.scene.curve import Motion
 
 
-def material(rods: Rods) -> dict[str, np.ndarray]:
+def rod_material_columns(rods: Rods) -> dict[str, np.ndarray]:
     """Columns of each point: radius r [m], E A [N], E I, G J [N m^2], mass per length [kg/m], polar
     moment times density [kg m]."""
     d = np.broadcast_to(np.asarray(rods.diameters, np.float64), len(rods.points))
@@ -22,7 +22,7 @@ def material(rods: Rods) -> dict[str, np.ndarray]:
     return found | {"radius": 0.5 * d, "line": rods.density * area, "polar": 2.0 * rods.density * second}
 
 
-class Table:
+class StrandTable:
     """Strands of all rods and worlds, side by side: arrays (points of the longest, strands).
 
     rods    the `Rods` and the world of each group of strands      own     its strands, a slice each
@@ -47,9 +47,9 @@ class Table:
         self.pin_worlds: list[int] = []
         self.held: list[tuple[int, np.ndarray, np.ndarray]] = []       # (pin, place, director) a row
         for own, (rods, world) in zip(self.own, pairs, strict=True):
-            self._hold(rods, own, world)
-            self._fill(rods, own)
-        self._directors()
+            self._hold_pinned_rows(rods, own, world)
+            self._fill_strand_columns(rods, own)
+        self._clamp_edge_directors()
 
     def _place(self, own: slice) -> np.ndarray:
         """Flat row, point number * strands + strand, of each point."""
@@ -58,7 +58,7 @@ class Table:
         number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         return number * self.strands + strand
 
-    def _hold(self, rods: Rods, own: slice, number: int) -> None:
+    def _hold_pinned_rows(self, rods: Rods, own: slice, number: int) -> None:
         """Rows of held points in a world of that number, and which edges one pin clamps."""
         where, pin_of = self._place(own), np.full(self.hold.size, -1)
         world = rods.motion.points(rods.points, 0.0)
@@ -78,9 +78,9 @@ class Table:
         both = (pin_of[:-1] >= 0) & (pin_of[:-1] == pin_of[1:])
         self.clamped[:-1] |= both.astype(np.int32)
 
-    def _fill(self, rods: Rods, own: slice) -> None:
+    def _fill_strand_columns(self, rods: Rods, own: slice) -> None:
         """Strands of one count at a time: lengths, stiffnesses, masses, rest strains, start."""
-        of = material(rods)
+        of = rod_material_columns(rods)
         x = rods.motion.points(rods.points, 0.0)
         rest = x if rods.rest_points is None else rods.motion.points(rods.rest_points, 0.0)
         R = rods.motion.at(0.0)[:3, :3]
@@ -90,16 +90,17 @@ class Table:
             which = np.flatnonzero(rods.counts == n)
             rows, at = first[which][:, None] + np.arange(n), own.start + which
             X, X0 = x[rows], rest[rows]
-            def across(given, rows=rows):
+            def rotate_directors(given, rows=rows):
                 return None if given is None else np.asarray(given, np.float64)[rows][:, :-1] @ R.T
-            m0 = shape.frames(X0, across(rods.rest_directors if rods.rest_directors is not None else
-                                         rods.directors if rods.rest_points is None else None))
-            m = shape.frames(X, across(rods.directors)) if rods.directors is not None else shape.carried(X0, m0, X)
-            self._strands(at, n, X, X0, m0, m, {name: value[rows] for name, value in of.items()},
-                          None if rods.masses is None else np.asarray(rods.masses, np.float64)[rows])
+            m0 = shape.director_frames(X0, rotate_directors(rods.rest_directors if rods.rest_directors is not None else
+                                                            rods.directors if rods.rest_points is None else None))
+            m = (shape.director_frames(X, rotate_directors(rods.directors)) if rods.directors is not None
+                 else shape.transported_directors(X0, m0, X))
+            self._fill_equal_strands(at, n, X, X0, m0, m, {name: value[rows] for name, value in of.items()},
+                                     None if rods.masses is None else np.asarray(rods.masses, np.float64)[rows])
             self.v[:n, at] = np.swapaxes(v[rows], 0, 1)
 
-    def _strands(self, at, n, X, X0, m0, m, of, masses) -> None:
+    def _fill_equal_strands(self, at, n, X, X0, m0, m, of, masses) -> None:
         length = np.linalg.norm(np.diff(X0, axis=1), axis=2)
         edge = {name: 0.5 * (value[:, :-1] + value[:, 1:]) for name, value in of.items()}
         free = length * (1 - self.clamped[:n - 1, at].T)                        # the length that bends
@@ -113,13 +114,13 @@ class Table:
         V["J"][:n - 1, at], V["radius"][:n, at] = (edge["polar"] * length).T, of["radius"].T
         V["m"][:n, at] = masses.T if masses is not None else (
             0.5 * (np.pad(mass, ((0, 0), (0, 1))) + np.pad(mass, ((0, 0), (1, 0))))).T
-        self.rest[:n, at] = np.swapaxes(shape.strains(X0, m0), 0, 1)
+        self.rest[:n, at] = np.swapaxes(shape.bending_twist_strains(X0, m0), 0, 1)
         self.origin[at] = X[:, 0]
         self.x[:n, at] = np.swapaxes(X - X[:, :1], 0, 1)
         self.d[:n - 1, at] = np.swapaxes(m, 0, 1)
-        self.phi[:n, at] = shape.strains(X, m)[:, :, 2].T
+        self.phi[:n, at] = shape.bending_twist_strains(X, m)[:, :, 2].T
 
-    def _directors(self) -> None:
+    def _clamp_edge_directors(self) -> None:
         """Directors of clamped edges in their pins' frames."""
         for i, k in np.argwhere(self.clamped):
             row = self.hold[i, k]
@@ -138,25 +139,28 @@ class Table:
 
     # on the device
 
-    def strands_on(self, device) -> tables.Strands:
+    def strands_on(self, device) -> tables.RodTable:
         """The constant tables."""
-        def up(values, dtype=wp.float64):
+        def upload_strand_column(values, dtype=wp.float64):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
         each = [own.stop - own.start for own in self.own]
         tau = np.repeat([rods.damping for rods, _ in self.pairs], each)
         friction = np.repeat([(rods.static_friction, rods.dynamic_friction) for rods, _ in self.pairs], each, axis=0)
-        damped = {"tau": up(tau.astype(np.float64))} if tau.any() else {}
-        return filled(tables.Strands, **damped, points=up(self.counts.astype(np.int32), int), rest=up(self.rest, wp.vec3d),
-                      hold=up(self.hold, int), clamped=up(self.clamped, int), origin=up(self.origin, wp.vec3d),
-                      friction=up(friction, wp.vec2d), **{name: up(value) for name, value in self.values.items()})
+        damped = {"tau": upload_strand_column(tau.astype(np.float64))} if tau.any() else {}
+        return fill_struct(tables.RodTable, **damped, points=upload_strand_column(self.counts.astype(np.int32), int),
+                           rest=upload_strand_column(self.rest, wp.vec3d),
+                           hold=upload_strand_column(self.hold, int), clamped=upload_strand_column(self.clamped, int),
+                           origin=upload_strand_column(self.origin, wp.vec3d),
+                           friction=upload_strand_column(friction, wp.vec2d),
+                           **{name: upload_strand_column(value) for name, value in self.values.items()})
 
-    def holds_on(self, device, substeps: int) -> tables.Holds:
+    def holds_on(self, device, substeps: int) -> tables.RodPins:
         """Rows of held points; frames of pins, a row a substep, are zero yet."""
         pin, place, director = zip(*self.held, strict=True) if self.held else ((0,), (np.zeros(3),), (np.zeros(3),))
-        return filled(tables.Holds, pin=wp.array(np.array(pin, np.int32), dtype=int, device=device),
-                      place=wp.array(np.array(place), dtype=wp.vec3d, device=device),
-                      director=wp.array(np.array(director), dtype=wp.vec3d, device=device),
-                      frame=wp.zeros((substeps, max(1, len(self.pins))), dtype=wp.mat44d, device=device))
+        return fill_struct(tables.RodPins, pin=wp.array(np.array(pin, np.int32), dtype=int, device=device),
+                           place=wp.array(np.array(place), dtype=wp.vec3d, device=device),
+                           director=wp.array(np.array(director), dtype=wp.vec3d, device=device),
+                           frame=wp.zeros((substeps, max(1, len(self.pins))), dtype=wp.mat44d, device=device))
 
     def frames(self, times: np.ndarray) -> np.ndarray:
         """Frames of pins at some times [s], (times, pins, 4, 4). A motion that worlds share is evaluated once."""

@@ -1,6 +1,6 @@
 """Strands that touch themselves and each other: contacts of edges in the substeps of all strands of a world at once
-(together.py), which end with the proof that surfaces have (wsim/physics/selfcontact/guarantee.py), of centre lines: no edge
-passes through another. Built where rods say `self_collision`."""
+(coupled_newton.py), which end with the proof that surfaces have (wsim/physics/contact/selfcontact/guarantee.py), of centre
+lines: no edge passes through another. Built where rods say `self_collision`."""
 
 from __future__ import annotations
 
@@ -9,40 +9,41 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import warp as wp
 
-from wsim.kernels.motion.points import states
+from wsim.kernels.contact.selfcontact import pairs, rows
+from wsim.kernels.contact.selfcontact import step_clamp as clamp
+from wsim.kernels.motion.points import point_states
+from wsim.kernels.rods.coupled_newton import coupled
 from wsim.kernels.rods.edges import touch
-from wsim.kernels.rods.together import coupled
-from wsim.kernels.selfcontact import cut, pairs, rows
 from wsim.model.stage import Clock, Remedy
-from wsim.model.state import Field, Part
-from wsim.model.structs import filled
-from wsim.physics.rods.edges import Edges
-from wsim.physics.rods.together import Together
-from wsim.physics.selfcontact.guarantee import Guarantee
-from wsim.physics.selfcontact.method import LOSS, MORE, ROUNDS
-from wsim.physics.selfcontact.near import Near
+from wsim.model.state import StateField, StatePart
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.selfcontact.guarantee import StepGuarantee
+from wsim.physics.contact.selfcontact.method import LOSS, MORE, ROUNDS
+from wsim.physics.contact.selfcontact.near import NearPairList
+from wsim.physics.rods.coupled_newton import CoupledStrands
+from wsim.physics.rods.edges import StrandEdges
 
 if TYPE_CHECKING:
-    from wsim.model.status import Status
-    from wsim.physics.rods.method import Strands
+    from wsim.model.status import FrameStatus
+    from wsim.physics.rods.method import RodMethod
 
-SAID = "rods' contact"           # status words, see kernels/selfcontact/cut.py, and behind them the one below
-FULL = cut.SAID                  # pairs of a point that there was no room for
+SAID = "rods' contact"           # status words, see kernels/contact/selfcontact/step_clamp.py, and behind them the one below
+FULL = clamp.SAID                  # pairs of a point that there was no room for
 ROOM, WIDE, ENTRIES = 48, 256, 1 << 18     # pairs of a point that there is room for at first: of few WIDE, ENTRIES in all
 MEMORY = ("kept", "stick", "load", "many", "of")         # what pairs remember from a substep to the next
 
 
-class Remembered(Part):
+class RememberedPairs(StatePart):
     """What pairs of edges of the first world remember from a frame to the next, made of their lists when a run is written, and
     put back where one goes on. A point is named by its number in its strand times the strands of that world, and its strand;
-    the first row is no pair. A frame that is repeated has copies of its own (`Touching.before_frame`)."""
+    the first row is no pair. A frame that is repeated has copies of its own (`StrandSelfContact.before_frame`)."""
 
-    FIELDS = (*(Field(f"pair{k}", "", True, f"point {k} of two edges that are near each other, -1 for none", "int")
-                for k in range(4)), Field("pair_kept", "m", True, "distance that they keep", "double"),
-              Field("pair_load", "N", True, "what presses them", "double"),
-              Field("pair_stick", "m", True, "bristle of their friction", "vec3d"))
+    FIELDS = (*(StateField(f"pair{k}", "", True, f"point {k} of two edges that are near each other, -1 for none", "int")
+                for k in range(4)), StateField("pair_kept", "m", True, "distance that they keep", "double"),
+              StateField("pair_load", "N", True, "what presses them", "double"),
+              StateField("pair_stick", "m", True, "bristle of their friction", "vec3d"))
 
-    def __init__(self, touching: Touching):
+    def __init__(self, touching: StrandSelfContact):
         super().__init__("rod pairs", 0, 0, self.FIELDS)
         self.touching, self.held = touching, False        # held: what an earlier run has left, until a frame begins
         t = touching.table
@@ -92,25 +93,26 @@ class Remembered(Part):
         self.held, T.went_on = False, True
 
 
-class Touching(Together):
-    def __init__(self, strands: Strands, module: str, status: Status, device, bodies: bool = False):
+class StrandSelfContact(CoupledStrands):
+    def __init__(self, strands: RodMethod, module: str, status: FrameStatus, device, bodies: bool = False):
         super().__init__(strands, module, status, device, bodies)
-        status.reserve(SAID, cut.SAID + 1)
-        self.edges = Edges(self.table, self.ground)
+        status.reserve(SAID, clamp.SAID + 1)
+        self.edges = StrandEdges(self.table, self.ground)
         self.told = self.edges.told()
-        self.near = Near(cast(Any, self.ground), cast(Any, self.edges))
-        self.guarantee = Guarantee(cast(Any, self.ground), self.near, whole=True)
-        self.enlist, self.order, self.drop, self.recall = touch.lists(module)
-        self.ready, self.press, self.gather = touch.ready(module), touch.press(module), touch.gather(module)
-        self.across, self.keep = touch.across(module), touch.keep(module)
-        self.sides = filled(touch.Sides, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
-                                            for k, v in vars(self.edges.sides()).items()})
+        self.near = NearPairList(cast(Any, self.ground), cast(Any, self.edges))
+        self.guarantee = StepGuarantee(cast(Any, self.ground), self.near, whole=True)
+        self.enlist, self.order, self.drop, self.recall = touch.edge_list_kernels(module)
+        self.ready, self.press, self.gather = (touch.ready_pair_kernel(module), touch.edge_press_kernel(module),
+                                               touch.edge_gather_kernel(module))
+        self.across, self.keep = touch.edge_cross_kernel(module), touch.edge_memory_kernel(module)
+        self.sides = fill_struct(touch.EdgePointConstants, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
+                                                              for k, v in vars(self.edges.sides()).items()})
         self.none = self.zeros(self.ground.points, dtype=wp.vec3d)
-        self.deep, self.total = max(ROOM, min(WIDE, ENTRIES // self.ground.points)), np.zeros(cut.SAID + 1, np.int64)
+        self.deep, self.total = max(ROOM, min(WIDE, ENTRIES // self.ground.points)), np.zeros(clamp.SAID + 1, np.int64)
         self.frames = self.repeats = 0
         self.went_on = False                 # True: an earlier run has left what pairs remember
         self.room()
-        self.memory = Remembered(self)
+        self.memory = RememberedPairs(self)
 
     def fits(self, pairs: int, each: int) -> None:
         """Room for so many pairs, of a point and of all."""
@@ -125,16 +127,16 @@ class Touching(Together):
         n, zeros, points = self.near.pairs.capacity, self.zeros, self.ground.points
         scalars = {"kept": wp.float64, "k": wp.float64, "load": wp.float64, "N": wp.float64, "stick": wp.vec3d, "f": wp.vec3d,
                    "s": wp.vec3d, "K": wp.mat33d}
-        def made(names) -> Any:
-            return filled(touch.Pressed, of=zeros((points, self.deep), dtype=int), many=zeros(points, dtype=int),
-                          **{k: zeros(n, dtype=kind) for k, kind in scalars.items() if k in names})
-        self.pressed = made(tuple(scalars))
+        def pressed_pairs(names) -> Any:
+            return fill_struct(touch.EdgePairs, of=zeros((points, self.deep), dtype=int), many=zeros(points, dtype=int),
+                               **{k: zeros(n, dtype=kind) for k, kind in scalars.items() if k in names})
+        self.pressed = pressed_pairs(tuple(scalars))
         self.pressed.cross, self.pressed.rough = zeros((n, 2), dtype=wp.vec3d), self.group.rough
         self.pressed.on, self.pressed.ons = zeros((points, self.deep), dtype=int), zeros(points, dtype=int)
         self.corners = self.near.pairs.b
         if self.team:
             self.team.ids, self.team.b, self.team.number = self.near.pairs.ids, self.corners, zeros(n, dtype=int)
-        self.old, self.saved = made(MEMORY), made(MEMORY)
+        self.old, self.saved = pressed_pairs(MEMORY), pressed_pairs(MEMORY)
         self.old_ids, self.saved_ids = (zeros(n, dtype=wp.vec4i) for _ in range(2))
 
     def weigh(self, gravity: np.ndarray) -> None:
@@ -148,8 +150,8 @@ class Touching(Together):
     def begin_frame(self, clock: Clock) -> None:
         super().begin_frame(clock)
         s, Q = self.strands, self.strands.part.arrays
-        self.at = filled(states(wp.float64), x=Q["x"], e=self.none, d=self.d, a=self.none)
-        self.way = filled(touch.Way, x=s.trial.x.reshape(-1), x0=Q["x"], v=Q["v"], h=self.h)
+        self.at = fill_struct(point_states(wp.float64), x=Q["x"], e=self.none, d=self.d, a=self.none)
+        self.way = fill_struct(touch.PointPaths, x=s.trial.x.reshape(-1), x0=Q["x"], v=Q["v"], h=self.h)
 
     def solve(self, k: int) -> None:
         """Displacements of a substep, proven."""
@@ -177,7 +179,7 @@ class Touching(Together):
         return self.status.word(SAID)
 
     def search(self, begins: int = 1) -> None:
-        """The list, and the pairs of every point; what was listed before is remembered. begins: as `Near.search`."""
+        """The list, and the pairs of every point; what was listed before is remembered. begins: as `NearPairList.search`."""
         near, P, old, launch = self.near, self.pressed, self.old, self.ground.launch
         self._copy(P, near.pairs.ids, old, self.old_ids)
         near.search(self.at, begins=begins)
@@ -225,8 +227,6 @@ class Touching(Together):
         self.forces()
         self.ground.launch(self.keep, self.near.pairs.capacity, [self.near.table], [self.pressed])
 
-    # around a frame
-
     def _copy(self, P, ids: wp.array, into, into_ids: wp.array) -> None:
         for name in MEMORY:
             wp.copy(getattr(into, name), getattr(P, name))
@@ -241,15 +241,15 @@ class Touching(Together):
             self.near.anew()
             self._copy(self.saved, self.saved_ids, self.pressed, ids)
         self.words.fill_(int(self.frames == 0 and not self.went_on))            # FIRST; the others are set before they are read
-        self.near.allow(ROUNDS * MORE if self.often else ROUNDS)
+        self.near.set_projection_rounds(ROUNDS * MORE if self.often else ROUNDS)
         self.fresh = False
 
     def retry(self) -> list[Remedy]:
         said = self.status.said(SAID)
-        wanted, full = int(said[cut.WANTED]), int(said[FULL])
+        wanted, full = int(said[clamp.WANTED]), int(said[FULL])
         if wanted or full:
             return [*super().retry(), Remedy("room", lambda: self.grow(wanted, full))]
-        if said[cut.LOST] > LOSS and not self.often:
+        if said[clamp.LOST] > LOSS and not self.often:
             self.often = True
             self.repeats += 1
             return [*super().retry(), Remedy("again")]
@@ -275,14 +275,14 @@ class Touching(Together):
         said, found = self.status.said(SAID), []
         self.total += said
         self.frames += 1
-        if said[cut.CLOSE]:
-            found.append((("rods", "close"), float(said[cut.CLOSE]), "{worst} pairs of edges of rods began a substep closer "
+        if said[clamp.CLOSE]:
+            found.append((("rods", "close"), float(said[clamp.CLOSE]), "{worst} pairs of edges of rods began a substep closer "
                           "than what a file can tell apart; nothing is proven of them"))
-        if said[cut.LOST] > LOSS:
-            found.append((("rods", "cut"), float(said[cut.LOST]), "rods were about to pass through each other, and a point "
+        if said[clamp.LOST] > LOSS:
+            found.append((("rods", "cut"), float(said[clamp.LOST]), "rods were about to pass through each other, and a point "
                           "lost {worst} % of its motion in a substep; give more substeps"))
-        if said[cut.STAYED]:
-            found.append((("rods", "held"), float(said[cut.STAYED]), "rods were held where they were in {worst} substeps: "
+        if said[clamp.STAYED]:
+            found.append((("rods", "held"), float(said[clamp.STAYED]), "rods were held where they were in {worst} substeps: "
                           "nothing else kept them from passing through each other; is something pinched?"))
         return found
 
@@ -292,7 +292,7 @@ class Touching(Together):
         near = self.near.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
         found = {f"rod_{name}": float(self.total[k]) for name, k in (
-            ("searches", cut.SEARCHES), ("projected", cut.PROJECTED), ("cut", cut.CUT), ("held", cut.STAYED))}
+            ("searches", clamp.SEARCHES), ("projected", clamp.PROJECTED), ("cut", clamp.CUT), ("held", clamp.STAYED))}
         if count:
             found["rod_gap"] = float(near.away.numpy()[:count].min())
             k, N = self.pressed.k.numpy()[:count], self.pressed.load.numpy()[:count]

@@ -12,14 +12,21 @@ from pxr import Usd, UsdGeom
 
 from wsim.physics.rods.objects import Rods
 from wsim.usd import names
-from wsim.usd.attributes import author as write
-from wsim.usd.attributes import read
-from wsim.usd.load_varying import steady
+from wsim.usd.attributes import author_attribute as write
+from wsim.usd.attributes import read_attribute
+from wsim.usd.load_varying import check_topology
 from wsim.usd.prims.cloth import load_points
-from wsim.usd.prims.fabric import UNAUTHORED, author_friction, bind, bound, is_physical, load_friction
+from wsim.usd.prims.fabric import (
+    UNAUTHORED,
+    author_friction,
+    bind_physics_material,
+    bound_physics_material,
+    is_physical,
+    load_friction,
+)
 from wsim.usd.prims.pins import author_pin
-from wsim.usd.stage import Reading, Units
-from wsim.usd.transforms import author_motion, placement
+from wsim.usd.stage import StageReading, StageUnits
+from wsim.usd.transforms import author_motion, read_placement
 
 STIFF = ("stretch", "bend", "twist")
 OWN = ("self_collision", "drag", "skin_drag")           # of WsimRodsAPI
@@ -31,58 +38,60 @@ def simulates(prim: Usd.Prim) -> bool:
     return bool(curves) and curves.GetWrapAttr().Get() != UsdGeom.Tokens.periodic
 
 
-def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
+def load_rods(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
     """The rods of a BasisCurves prim; None if it cannot be read (which is reported)."""
     path, units = prim.GetPath(), reading.units
     if UsdGeom.BasisCurves(prim).GetTypeAttr().Get() != UsdGeom.Tokens.linear:
         reading.fail(path, f"is a {UsdGeom.BasisCurves(prim).GetTypeAttr().Get()} BasisCurves; only type = linear can be "
                      "simulated")
         return None
-    if not steady(reading, prim, "curveVertexCounts"):
+    if not check_topology(reading, prim, "curveVertexCounts"):
         return None
     points, rest = load_points(reading, prim, "Rods")
-    counts = read(prim, "Rods", "counts", units, reading.start)
+    counts = read_attribute(prim, "Rods", "counts", units, reading.start)
     if points is None or counts is None or counts.sum() != len(points) or counts.min(initial=2) < 2:
         reading.fail(path, f"has {0 if points is None else len(points)} points and curveVertexCounts that sum to "
                      f"{0 if counts is None else counts.sum()}; the two must agree, with 2 or more vertices a curve")
         return None
-    given = read(prim, "Rods", "rest_points", units)
-    rods = Rods(str(path), points, counts, rest_points=rest if given is None else given, motion=placement(reading, prim).motion)
+    given = read_attribute(prim, "Rods", "rest_points", units)
+    rods = Rods(str(path), points, counts, rest_points=rest if given is None else given,
+                motion=read_placement(reading, prim).motion)
     for field in ("velocities", "directors", "rest_directors"):
-        value = read(prim, "Rods", field, units, reading.start)
+        value = read_attribute(prim, "Rods", field, units, reading.start)
         if value is not None and len(value) != len(points):
-            reading.fail(path, f"{names.row('Rods', field).attribute} has {len(value)} values; allowed is {len(points)} (one a "
+            reading.fail(path, f"{names.attribute_entry('Rods', field).attribute} has {len(value)} values; allowed is "
+                               f"{len(points)} (one a "
                          "point)")
         elif value is not None:
             setattr(rods, field, value)
-    rods.diameters = _of_points(reading, prim, "diameters", counts, names.THICKNESS)
-    _seen(reading, prim)
-    _material(reading, prim, rods)
-    rods.masses = _masses(reading, prim, body, rods)
+    rods.diameters = _read_point_values(reading, prim, "diameters", counts, names.THICKNESS)
+    _warn_widths_unused(reading, prim)
+    _read_rod_material(reading, prim, rods)
+    rods.masses = _read_rod_masses(reading, prim, body, rods)
     rods.static_friction, rods.dynamic_friction = load_friction(reading, prim)
     for field in OWN:
-        if (value := read(prim, "Rods", field, units)) is not None:
+        if (value := read_attribute(prim, "Rods", field, units)) is not None:
             setattr(rods, field, value)
     return rods
 
 
-def _seen(reading: Reading, prim: Usd.Prim) -> None:
+def _warn_widths_unused(reading: StageReading, prim: Usd.Prim) -> None:
     """Warns of widths that say another diameter than the fallback, where no thicknesses are authored."""
     widths = UsdGeom.BasisCurves(prim).GetWidthsAttr().Get(reading.start)
-    if not widths or read(prim, "Rods", "diameters", reading.units) is not None:
+    if not widths or read_attribute(prim, "Rods", "diameters", reading.units) is not None:
         return
-    largest, name = float(np.max(widths)) * reading.units.metres, names.row("Rods", "diameters").attribute
+    largest, name = float(np.max(widths)) * reading.units.metres, names.attribute_entry("Rods", "diameters").attribute
     if abs(largest - names.THICKNESS) > 1e-3 * names.THICKNESS:
         reading.warn(prim.GetPath(), f"widths of up to {largest:.3g} m are only seen: {name} is not authored, and strands are "
                      f"{names.THICKNESS:g} m thick; author it, in units of the stage")
 
 
-def _of_points(reading: Reading, prim: Usd.Prim, field: str, counts: np.ndarray, fallback: float) -> np.ndarray:
+def _read_point_values(reading: StageReading, prim: Usd.Prim, field: str, counts: np.ndarray, fallback: float) -> np.ndarray:
     """Values of points, (n,) or (1,), of an attribute that gives them to all, curves, segments or points."""
-    n, values = int(counts.sum()), read(prim, "Rods", field, reading.units)
+    n, values = int(counts.sum()), read_attribute(prim, "Rods", field, reading.units)
     if values is None or len(values) == 0:
         return np.array([fallback])
-    name = names.row("Rods", field).attribute
+    name = names.attribute_entry("Rods", field).attribute
     if not (np.isfinite(values) & (values > 0)).all():
         reading.fail(prim.GetPath(), f"{name} holds {values.min():g}; allowed are finite numbers > 0")
         return np.array([fallback])
@@ -96,50 +105,50 @@ def _of_points(reading: Reading, prim: Usd.Prim, field: str, counts: np.ndarray,
     if kind == "curve":
         return np.repeat(values, counts)
     if kind == "segment":                                    # a point has the mean of its own
-        return _to_points(values, counts) / _to_points(np.ones(len(values)), counts)
+        return _sum_segments_at_points(values, counts) / _sum_segments_at_points(np.ones(len(values)), counts)
     return values
 
 
-def _to_points(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def _sum_segments_at_points(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Sum at each point of the values of its one or two segments."""
     n = int(counts.sum())
     start = np.delete(np.arange(n), np.cumsum(counts) - 1)
     return np.bincount(start, values, n) + np.bincount(start + 1, values, n)
 
 
-def _material(reading: Reading, prim: Usd.Prim, rods: Rods) -> None:
+def _read_rod_material(reading: StageReading, prim: Usd.Prim, rods: Rods) -> None:
     """Elastic constants and density; fallbacks of the proposal where nothing says them."""
     rods.young, rods.poisson, rods.density = names.YOUNGS_MODULUS, names.POISSONS_RATIO, names.DENSITY
-    material = bound(reading, prim)
+    material = bound_physics_material(reading, prim)
     if material is None or not is_physical(material):
         reading.warn(prim.GetPath(), f"no physics material is bound: the fallbacks of {names.CURVES_MATERIAL} count (E = "
                      f"{names.YOUNGS_MODULUS:g} Pa, density {names.DENSITY:g} kg/m^3); bind one by material:binding:physics")
         return
     for field in ("young", "poisson", *STIFF):
-        value = read(material, "RodMaterial", field, reading.units)
+        value = read_attribute(material, "RodMaterial", field, reading.units)
         if value not in UNAUTHORED:
             setattr(rods, field, value)
-    if (damping := read(material, "RodMaterial", "damping", reading.units)) is not None:
+    if (damping := read_attribute(material, "RodMaterial", "damping", reading.units)) is not None:
         rods.damping = damping
-    density = read(material, "Friction", "density", reading.units)
+    density = read_attribute(material, "Friction", "density", reading.units)
     if density not in (*UNAUTHORED, 0.0):
         rods.density = density
 
 
-def _masses(reading: Reading, prim: Usd.Prim, body: Usd.Prim, rods: Rods) -> np.ndarray | None:
+def _read_rod_masses(reading: StageReading, prim: Usd.Prim, body: Usd.Prim, rods: Rods) -> np.ndarray | None:
     """[kg] of each point; None: from the density, into which a density of the body goes."""
     counts, n = rods.counts, len(rods.points)
-    values = read(prim, "Rods", "masses", reading.units)
+    values = read_attribute(prim, "Rods", "masses", reading.units)
     if values is not None and len(values) == n:
         return values
     if values is not None and len(values) == n - len(counts):
-        return 0.5 * _to_points(values.astype(np.float64), counts)
+        return 0.5 * _sum_segments_at_points(values.astype(np.float64), counts)
     if values is not None and len(values) > 1:
         reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {n - len(counts)} (segments) "
                      f"or {n} (points)")
         return None
-    total = float(values[0]) if values is not None and len(values) else read(body, "Body", "mass", reading.units)
-    density = read(body, "Body", "density", reading.units)
+    total = float(values[0]) if values is not None and len(values) else read_attribute(body, "Body", "mass", reading.units)
+    density = read_attribute(body, "Body", "density", reading.units)
     if density:
         rods.density = density
     if total and math.isfinite(total):
@@ -148,11 +157,11 @@ def _masses(reading: Reading, prim: Usd.Prim, body: Usd.Prim, rods: Rods) -> np.
         d = np.broadcast_to(rods.diameters, n)
         area = np.delete(0.25 * np.pi * (0.5 * (d[:-1] + d[1:]))**2, np.cumsum(counts)[:-1] - 1)
         of = area * length
-        return 0.5 * _to_points(of * (total / of.sum()), counts)
+        return 0.5 * _sum_segments_at_points(of * (total / of.sum()), counts)
     return None
 
 
-def author(stage: Usd.Stage, rods: Rods, units: Units) -> None:
+def author(stage: Usd.Stage, rods: Rods, units: StageUnits) -> None:
     """Defines the BasisCurves of rods, their material and their pins."""
     curves = UsdGeom.BasisCurves.Define(stage, rods.path)
     prim = curves.GetPrim()
@@ -181,6 +190,6 @@ def author(stage: Usd.Stage, rods: Rods, units: Units) -> None:
     if rods.damping:
         material.AddAppliedSchema(names.WSIM_MATERIAL)
         write(material, "RodMaterial", "damping", rods.damping, units)
-    bind(prim, material)
+    bind_physics_material(prim, material)
     for pin in rods.pins:
         author_pin(stage, pin, rods, units, 0)

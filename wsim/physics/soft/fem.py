@@ -15,7 +15,7 @@ from wsim.physics.soft.parts import parts_of
 from wsim.scene import Soft
 
 if TYPE_CHECKING:
-    from wsim.physics.soft.plastic import Plastic
+    from wsim.physics.soft.plastic import PlasticFlow
 
 LANES = 4096           # threads that sum the energy
 PACKETS = "corotational", "neo_hookean"         # materials that packets of tets know
@@ -28,7 +28,7 @@ class Tetrahedra:
 
     def __init__(self, material: str, model: Model, nodes: int = 4):
         self.material, self.model, t = material, model, types(model.real)
-        self.name, self.maths, points = _kind(material, nodes)
+        self.name, self.maths, points = _tet_kind(material, nodes)
         self.parts = [p for b in model.bodies if b.tets.shape[1] == nodes for p in parts_of(b, material)]
         self.ids = np.concatenate([p.body.tets[p.rows] for p in self.parts]).astype(np.int32)
         self.size = len(self.ids)
@@ -46,13 +46,13 @@ class Tetrahedra:
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
-        self.plastic: Plastic | None = None
+        self.plastic: PlasticFlow | None = None
         self.packet = 0                   # tets that a thread takes, where it takes several
         self.flows = True                 # where forces are asked for; with Newton's method where a step ends
-        self.kept: state.Part | None = None     # of the state: what outlives a frame
+        self.kept: state.StatePart | None = None  # of the state: what outlives a frame
         if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
             from wsim.physics.soft import plastic
-            self.plastic = plastic.Plastic(self)
+            self.plastic = plastic.PlasticFlow(self)
             self.kept = self.plastic.kept
 
     def shapes(self) -> tuple[np.ndarray, ...]:
@@ -60,8 +60,9 @@ class Tetrahedra:
         ids = [p.body.tets[p.rows, :4] - p.body.first for p in self.parts]
         edges = [p.body.rest[i[:, 1:]] - p.body.rest[i[:, :1]] for p, i in zip(self.parts, ids, strict=True)]
         return (np.concatenate(edges),
-                np.concatenate([meshes.gradients(p.body.rest, i)[:, 1:] for p, i in zip(self.parts, ids, strict=True)]),
-                np.concatenate([meshes.volumes(p.body.rest, i) for p, i in zip(self.parts, ids, strict=True)]))
+                np.concatenate([meshes.barycentric_gradients(p.body.rest, i)[:, 1:]
+                                for p, i in zip(self.parts, ids, strict=True)]),
+                np.concatenate([meshes.signed_tet_volumes(p.body.rest, i) for p, i in zip(self.parts, ids, strict=True)]))
 
     def reshape(self) -> None:
         """Uploads them anew."""
@@ -127,11 +128,11 @@ class Tetrahedra:
             self.plastic.shape()
         if self.maths is fem and self.size <= stored.FEW and self.material in stored.ENERGY:
             x = state.x.numpy().astype(np.float64) + state.e.numpy()
-            return stored.statistics(self.material, self.data, x)
+            return stored.stored_statistics(self.material, self.data, x)
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=self.model.device)
         module = kernel_cache.report_module(self.model, self.maths.__name__, str(self.material))
         kernel = self.maths.statistics(self.material, real=self.model.real, module=module)
-        kernel_cache.ready(kernel, self.model)
+        kernel_cache.load_module_of_kernel(kernel, self.model)
         self.model.launch(kernel, out.size, [self.data, self.size, 1, state.x, state.e, self.q], [out])
         each = out.numpy()
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])
@@ -159,19 +160,19 @@ class Tetrahedra:
             array.assign(values.astype(self.model.dtype))
 
 
-def tables_of(model: Model) -> list:
+def tet_tables(model: Model) -> list:
     """A table for each material model that some soft body has, by name; of quadratic tets tables of their own; last
     that of pressure."""
     found = {(b.tets.shape[1], m.model) for b in model.bodies if isinstance(b.source, Soft) for m in b.source.materials
              if parts_of(b, m.model)}
     tables: list = [Tetrahedra(name, model, nodes) for nodes, name in sorted(found)]
     if any(soft.pressure for soft in model.scene.softs):
-        from wsim.physics.soft.pressure import Pressure
-        tables.append(Pressure(model))
+        from wsim.physics.soft.pressure import SoftPressure
+        tables.append(SoftPressure(model))
     return tables
 
 
-def _kind(material: str, nodes: int) -> tuple[str, Any, int]:
+def _tet_kind(material: str, nodes: int) -> tuple[str, Any, int]:
     """Name of a table, module of its kernels, points of a tet where those evaluate the material."""
     if nodes == 4:
         return material, fem, 1

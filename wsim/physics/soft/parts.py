@@ -6,9 +6,9 @@ from math import sqrt
 
 import numpy as np
 
-from wsim.geometry.tetra.tets import EDGES, gradients, volumes
-from wsim.kernels.soft.material import lame
-from wsim.model.model import Body
+from wsim.geometry.tetra.tets import EDGES, barycentric_gradients, signed_tet_volumes
+from wsim.kernels.soft.material import lame_parameters
+from wsim.model.model import PointBody
 from wsim.scene import Soft
 from wsim.scene.nodal.masses import soft_share
 
@@ -19,8 +19,8 @@ NEAR, FAR = (5.0 + 3.0 * sqrt(5.0)) / 20.0, (5.0 - sqrt(5.0)) / 20.0      # bary
 class Region:
     """Tets of one material model in one body."""
 
-    body: Body
-    rows: np.ndarray              # of `Body.tets`, in the order of memory
+    body: PointBody
+    rows: np.ndarray              # of `PointBody.tets`, in the order of memory
     material: np.ndarray          # number of each in `Soft.materials`, (t,)
     values: dict = field(default_factory=dict)       # live: {name: (t,)} of young, poisson, damping
 
@@ -28,7 +28,7 @@ class Region:
         """mu, lam [Pa] times the part of a tet that is body, and tau [s], each (t,)."""
         young, poisson = self.values["young"], self.values["poisson"]
         pairs, which = np.unique(np.stack([young, poisson]), axis=1, return_inverse=True)
-        found = np.array([lame(float(E), float(nu)) for E, nu in pairs.T])[which.reshape(-1)]
+        found = np.array([lame_parameters(float(E), float(nu)) for E, nu in pairs.T])[which.reshape(-1)]
         share = np.broadcast_to(soft_share(self.soft), len(self.body.tets))[self.rows]
         return found[:, 0] * share, found[:, 1] * share, self.values["damping"]
 
@@ -44,7 +44,7 @@ class Region:
         return self.body.source
 
 
-def parts_of(body: Body, model: str) -> list[Region]:
+def parts_of(body: PointBody, model: str) -> list[Region]:
     """The tets of a body that are of that model; none for what is no soft body."""
     if not isinstance(body.source, Soft):
         return []
@@ -61,18 +61,18 @@ def parts_of(body: Body, model: str) -> list[Region]:
     return [part]
 
 
-def strains(part: Region) -> np.ndarray:
+def strain_rows(part: Region) -> np.ndarray:
     """J with the energy 1/2 |J u|^2 of small displacements u of the nodes, (t, rows, k, 3): normal strains, then shears, of
     linear tets (6 rows, 4 nodes), or of the four points of quadratic ones (24 rows, 10 nodes)."""
     mu, lam, _ = part.lame()
     ids = part.body.tets[part.rows, :4] - part.body.first
-    g, V = gradients(part.body.rest, ids), volumes(part.body.rest, ids)
+    g, V = barycentric_gradients(part.body.rest, ids), signed_tet_volumes(part.body.rest, ids)
     if part.body.tets.shape[1] == 4:
-        return _strains(g, V, mu, lam)
-    return np.concatenate([_strains(slopes(g, a), 0.25 * V, mu, lam) for a in range(4)], axis=1)
+        return _linear_strain_rows(g, V, mu, lam)
+    return np.concatenate([_linear_strain_rows(quadratic_slopes(g, a), 0.25 * V, mu, lam) for a in range(4)], axis=1)
 
 
-def slopes(g: np.ndarray, a: int) -> np.ndarray:
+def quadratic_slopes(g: np.ndarray, a: int) -> np.ndarray:
     """Gradients of the shape functions of ten nodes at point a (kernels/soft/fem10.py), (t, 10, 3), from those of barycentric
     coordinates, (t, 4, 3) [1/m]."""
     L = np.where(np.arange(4) == a, NEAR, FAR)
@@ -80,7 +80,7 @@ def slopes(g: np.ndarray, a: int) -> np.ndarray:
     return np.concatenate([(4.0 * L - 1.0)[:, None] * g, 4.0 * (L[i, None] * g[:, j] + L[j, None] * g[:, i])], axis=1)
 
 
-def _strains(g: np.ndarray, V: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
+def _linear_strain_rows(g: np.ndarray, V: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Of gradients g (t, k, 3) [1/m] and volumes V (t,) [m^3]."""
     hooke = 2.0 * mu[:, None, None] * np.eye(3) + lam[:, None, None] * np.ones((3, 3))
     root = np.linalg.cholesky(V[:, None, None] * hooke)                           # L: e.He = |L^T e|^2

@@ -10,13 +10,13 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry.tetra.tets import EDGES
-from wsim.geometry.topology import edges, islands
+from wsim.geometry.topology import edges_of_triangles, labels_of_islands
 from wsim.kernels.soft import pressure
-from wsim.model.model import Body, Model
+from wsim.model.model import Model, PointBody
 from wsim.scene import Soft
 
 
-class Pressure:
+class SoftPressure:
     """All triangles that a pressure acts on, in the order of the bodies. Bodies without pressure have none."""
 
     name, noun, damped = "pressure", "triangles", False
@@ -26,9 +26,9 @@ class Pressure:
 
     def __init__(self, model: Model):
         self.model, real = model, model.real
-        self.bodies = [b for b in model.bodies if pressed(b.source)]
+        self.bodies = [b for b in model.bodies if has_pressure(b.source)]
         self.values = [float(b.source.pressure) for b in self.bodies]                 # type: ignore[union-attr]
-        each = [faces(b) for b in self.bodies]
+        each = [pressure_faces(b) for b in self.bodies]
         self.weights = [w for _, w in each]
         self.ids = np.concatenate([ids for ids, _ in each]).astype(np.int32)
         self.size = len(self.ids)
@@ -39,14 +39,14 @@ class Pressure:
         self.rest, self.ids = self.volumes(each), model.shared(self.ids)
         starts = np.cumsum([0, *(len(w) for w in self.weights)])[:-1]
         origin = np.repeat(self.ids[starts, 0], [len(w) for w in self.weights])
-        self.data = pressure.elements(real)()
+        self.data = pressure.pressure_tables(real)()
         self.data.point = model.upload(np.column_stack([self.ids, origin]).astype(np.int32), wp.vec4i)
         self.data.pressure = model.upload(self.spread(), real)
         self.q = None                 # no rotations
 
     def volumes(self, each: list) -> list[float]:
         """Volumes at rest, of the faces of each body [m^3]."""
-        return [volume(b.rest[ids - b.first], w) for b, (ids, w) in zip(self.bodies, each, strict=True)]
+        return [weighted_volume(b.rest[ids - b.first], w) for b, (ids, w) in zip(self.bodies, each, strict=True)]
 
     def spread(self) -> np.ndarray:
         """Pressure times weight of each triangle [Pa]."""
@@ -57,13 +57,14 @@ class Pressure:
         self.data.force = force
 
     def need_forces(self) -> None:
-        self.pull = pressure.forces(self.model.real, self.model.module)
+        self.pull = pressure.inflation_force_kernel(self.model.real, self.model.module)
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         self.model.launch(self.pull, self.size, [self.data, x, d], [force])
 
     def kernels(self) -> list:
-        return [f(self.model.real, self.model.step_modules[0]) for f in (pressure.linearise, pressure.energy_change)]
+        return [f(self.model.real, self.model.step_modules[0])
+                for f in (pressure.inflation_newton_kernel, pressure.inflation_energy_kernel)]
 
     def forget(self) -> None:
         """It remembers nothing."""
@@ -72,7 +73,7 @@ class Pressure:
         """Statistics as of tets: no strain, and the energy -p (V - V at rest) [J] at x + e."""
         x = state.x.numpy().astype(np.float64) + state.e.numpy()
         starts = np.cumsum([0, *(len(w) for w in self.weights)])
-        stored = [-p * (volume(x[self.ids[k:k + len(w)]], w) - rest)
+        stored = [-p * (weighted_volume(x[self.ids[k:k + len(w)]], w) - rest)
                   for p, w, rest, k in zip(self.values, self.weights, self.rest, starts[:-1], strict=True)]
         return np.array([0.0, 0.0, sum(stored)])
 
@@ -80,7 +81,7 @@ class Pressure:
         """pressure [Pa] of a body that has some from the start."""
         hit = [k for k, b in enumerate(self.bodies) if b.path == path and world in (None, b.world)]
         if name == "rest_shape" and hit:
-            self.rest = self.volumes([faces(b) for b in self.bodies])
+            self.rest = self.volumes([pressure_faces(b) for b in self.bodies])
         if name != "pressure" or not hit:
             return False
         for k in hit:
@@ -89,38 +90,39 @@ class Pressure:
         return True
 
 
-def pressed(source) -> bool:
+def has_pressure(source) -> bool:
     return isinstance(source, Soft) and source.pressure != 0.0
 
 
-def volume(corners: np.ndarray, weights: np.ndarray) -> float:
+def weighted_volume(corners: np.ndarray, weights: np.ndarray) -> float:
     """Volume [m^3] in triangles (m, 3, 3) that are closed, each counted by its weight."""
     a, b, c = (corners - corners[:1, :1]).transpose(1, 0, 2)
     return float(np.sum(weights * np.einsum("mi,mi->m", a, np.cross(b, c))) / 6.0)
 
 
-def faces(body: Body) -> tuple[np.ndarray, np.ndarray]:
+def pressure_faces(body: PointBody) -> tuple[np.ndarray, np.ndarray]:
     """Triangles that the pressure acts on, counter-clockwise seen from where it does not, (m, 3), and their weights, (m,)."""
     triangles = body.triangles - body.first
-    label = islands(body.count, edges(triangles))[triangles[:, 0]]
+    label = labels_of_islands(body.count, edges_of_triangles(triangles))[triangles[:, 0]]
     one = np.ones(len(triangles))
-    hollow = np.isin(label, [k for k in np.unique(label) if volume(body.rest[triangles[label == k]], one[label == k]) < 0.0])
+    hollow = np.isin(label,
+                     [k for k in np.unique(label) if weighted_volume(body.rest[triangles[label == k]], one[label == k]) < 0.0])
     if hollow.any():
         triangles = triangles[hollow][:, ::-1]
     whole = triangles + body.first
-    return (whole, np.ones(len(whole))) if body.tets.shape[1] == 4 else _curved(whole, body.tets)
+    return (whole, np.ones(len(whole))) if body.tets.shape[1] == 4 else _split_curved_faces(whole, body.tets)
 
 
-def _curved(triangles: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split_curved_faces(triangles: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of ten-node tets: four triangles for each face, and it."""
     n = int(tets.max()) + 1
 
-    def keys(i, j) -> np.ndarray:
+    def joined_edge_keys(i, j) -> np.ndarray:
         return np.minimum(i, j).astype(np.int64) * n + np.maximum(i, j)
-    known = np.concatenate([keys(tets[:, i], tets[:, j]) for i, j in EDGES])
+    known = np.concatenate([joined_edge_keys(tets[:, i], tets[:, j]) for i, j in EDGES])
     order = np.argsort(known)
     a, b, c = triangles.T
-    ab, bc, ca = (tets[:, 4:].T.ravel()[order[np.searchsorted(known, keys(i, j), sorter=order)]]
+    ab, bc, ca = (tets[:, 4:].T.ravel()[order[np.searchsorted(known, joined_edge_keys(i, j), sorter=order)]]
                   for i, j in ((a, b), (b, c), (c, a)))
     quarters = [np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
     return np.concatenate([*quarters, triangles]), np.repeat([4.0 / 3.0, -1.0 / 3.0], [4 * len(a), len(a)])

@@ -11,11 +11,11 @@ import warp as wp
 from wsim.kernels.soft import volume
 from wsim.model.model import Model
 from wsim.model.stage import Clock, Method, Stage
-from wsim.model.status import Status
+from wsim.model.status import FrameStatus
 from wsim.physics.soft.fem import Tetrahedra
 
 if TYPE_CHECKING:
-    from wsim.model.state import State
+    from wsim.model.state import SimulationState
     from wsim.simulation.methods import Build
 
 LOST = "volume lost, by region"          # status words, 1e-4: by this law, by the other
@@ -31,7 +31,7 @@ def build(b: Build) -> VolumeWatch | None:
 class VolumeWatch(Method):
     """One stage, after a frame."""
 
-    def __init__(self, model: Model, state: State, status: Status, tables: list[Tetrahedra]):
+    def __init__(self, model: Model, state: SimulationState, status: FrameStatus, tables: list[Tetrahedra]):
         super().__init__("volume")
         self.model, self.state, self.status = model, state, status
         self.bodies = [p.body for t in tables for p in t.parts]
@@ -41,11 +41,11 @@ class VolumeWatch(Method):
             counts = [len(p.rows) for p in t.parts]
             lanes = max(1, min(LANES, max(counts) // SHARE))
             first = model.upload(np.r_[0, np.cumsum(counts)].astype(np.int32), int)
-            kernel = volume.changes(t.ids.shape[1], model.real, model.module)
+            kernel = volume.volume_change_kernel(t.ids.shape[1], model.real, model.module)
             part = wp.zeros(len(counts) * lanes, dtype=wp.vec3d, device=model.device)
             self.tables.append((t, kernel, first, lanes, part, begin))
             begin += len(counts)
-        self.sum = volume.lost(model.real, model.module)
+        self.sum = volume.lost_volume_kernel(model.real, model.module)
         size = sum(t.size for t in tables)
         self.stages.append(Stage("volume", "deform", self.look, 2 * len(tables), size * 100, "frame", f"{size} tets"))
 
@@ -55,7 +55,7 @@ class VolumeWatch(Method):
             launch(kernel, len(part), [t.data, first, lanes, state.x, state.e], [part])
             launch(self.sum, len(t.parts), [part, lanes, self.status.offset(LOST) + 2 * begin], [self.status.array])
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         lost, other = status.said(LOST).reshape(-1, 2).T
         found = []
         for k in np.flatnonzero((lost - other > 1e4 * MOST) & (3 * (lost - other) > lost)):

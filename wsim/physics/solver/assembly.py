@@ -15,10 +15,10 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton
 from wsim.model.model import Model
 from wsim.model.stage import Clock
-from wsim.model.state import State
-from wsim.physics.cloth.constraints import Constraints, changed
+from wsim.model.state import SimulationState
+from wsim.physics.cloth.constraints import Constraints, apply_live_value
 from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS
-from wsim.physics.cloth.table import Table, bending_of, tables_of
+from wsim.physics.cloth.table import ConstraintTable, bending_of, constraint_tables
 from wsim.physics.solver import linear
 
 
@@ -67,24 +67,24 @@ class Assembly:
     v     vectors of the solver: y is the step that is found
     """
 
-    def __init__(self, model: Model, state: State, points, every: list[Constraints], h: float):
+    def __init__(self, model: Model, state: SimulationState, points, every: list[Constraints], h: float):
         """every: springs, hinges and triangles, of all worlds; h: a substep [s]."""
         self.model, self.state, self.points = model, state, points
-        self.tables = tables_of(model, every)
+        self.tables = constraint_tables(model, every)
         self.solids: list = []
         if model.scene.softs:
             from wsim.physics.soft import fem
-            self.solids = fem.tables_of(model)
+            self.solids = fem.tet_tables(model)
             state.add(*(table.kept for table in self.solids if table.kept))
         self.springs = bool(self.of(SPRINGS))
         self.elements = bool(self.solids or self.of(SHEET) or self.of(CORNERS))
         coarse, self.why = coarse_space(model, h) if self.solids else ([], "")
         schwarz = False
         if not (coarse or self.springs or model.gradients) and self.elements:
-            schwarz, said = domains(model, h)
+            schwarz, said = choose_schwarz(model, h)
             self.why += said
         solids = [s.name.replace(" ", "_") + "_damped" * s.damped for s in self.solids]
-        model.step = module_of(model, [*self.tables, *solids, *["coarse"] * bool(coarse), *["schwarz"] * schwarz])
+        model.step = newton_module(model, [*self.tables, *solids, *["coarse"] * bool(coarse), *["schwarz"] * schwarz])
         self.bending = bending_of(model, self.of(SHEET))
         self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
                                     [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
@@ -92,11 +92,12 @@ class Assembly:
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.apart = self.elements and model.device.is_cuda
-        self.gather = newton.gather(model.real, model.step_modules[0]) if self.apart else None
-        self.assemble = newton.assemble(model.real, model.step_modules[0], self.springs, self.elements, self.apart)
+        self.gather = newton.block_gather_kernel(model.real, model.step_modules[0]) if self.apart else None
+        self.assemble = newton.newton_assembly_kernel(model.real, model.step_modules[0], self.springs, self.elements,
+                                                      self.apart)
         self.stressed = {s.name: s.kernels() for s in self.solids}
 
-    def of(self, gather: str) -> list[Table]:
+    def of(self, gather: str) -> list[ConstraintTable]:
         return [table for table in self.tables.values() if table.row.gather == gather]
 
     def ids(self, gather: str, corners: int) -> np.ndarray:
@@ -149,7 +150,7 @@ class Assembly:
         """A live parameter of a body; own: further tables that have it."""
         hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
-            hit = bool(changed(self.model, table.rows, path, name, value, world)) or hit
+            hit = bool(apply_live_value(self.model, table.rows, path, name, value, world)) or hit
             table.refresh()
         return hit
 
@@ -165,7 +166,7 @@ class Assembly:
         return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
 
 
-def module_of(model: Model, what: Iterable[str]) -> str:
+def newton_module(model: Model, what: Iterable[str]) -> str:
     """Name of the module of kernels that Newton steps of such forces and solvers need, which on a CPU all scenes share: it is
     compiled once, beside what the plan has of its own, and found in Warp's cache whatever else a scene has. On CUDA "", none.
     """
@@ -178,12 +179,12 @@ def module_of(model: Model, what: Iterable[str]) -> str:
 
 def coarse_space(model: Model, h: float) -> tuple[list, str]:
     """Bodies solved with one, and what the plan says about it."""
-    from wsim.physics.solver.coarse_space import wanted
-    bodies, why = wanted(model, h)
+    from wsim.physics.solver.coarse_space import wants_coarse_space
+    bodies, why = wants_coarse_space(model, h)
     return bodies, f"; {why}"
 
 
-def domains(model: Model, h: float) -> tuple[bool, str]:
+def choose_schwarz(model: Model, h: float) -> tuple[bool, str]:
     """True if sheets are solved by domains, and what the plan says about it."""
-    from wsim.physics.schwarz.solver import wanted
-    return wanted(model, h)
+    from wsim.physics.solver.schwarz.solver import wants_schwarz
+    return wants_schwarz(model, h)

@@ -5,18 +5,18 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.sheet_ordering import lowest
+from wsim.geometry.sheet_ordering import lowest_point_of_constraint
 from wsim.geometry.topology import order_of
 from wsim.kernels.math.real import types
-from wsim.kernels.motion.points import states
+from wsim.kernels.motion.points import point_states
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SHEET
-from wsim.physics.cloth.table import Table
+from wsim.physics.cloth.table import ConstraintTable
 
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
                       # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
@@ -24,13 +24,14 @@ FUSE = 512            # constraints of a world's largest colour up to which one 
 PACKED = True          # membranes and hinges by eights on a CPU: tests compare
 
 
-class Batch(Table):
+class ColouredBatch(ConstraintTable):
     """All constraints of one kind, on the device, by colour."""
 
     def __init__(self, kind: str, rows: list[Constraints], model: Model, clock: Clock):
         colors = np.concatenate([r.colors for r in rows if r.colors is not None])
         ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
-        super().__init__(model, kind, rows, order_of(colors.astype(np.int64) * (model.points + 1) + lowest(ids)))
+        super().__init__(model, kind, rows,
+                         order_of(colors.astype(np.int64) * (model.points + 1) + lowest_point_of_constraint(ids)))
         self.hard, sheet = self.row.hard, self.row.gather == SHEET
         self.starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
         self.multipliers = clock.iterations > 1 or clock.watched or model.gradients
@@ -48,7 +49,7 @@ class Batch(Table):
         self.begin = model.upload(self.starts.astype(np.int32), int)
         each = np.diff(self.starts) // self.worlds
         self.colours = model.upload(np.stack([self.starts[:-1], each], 1).astype(np.int32), wp.vec2i)
-        self.comply()
+        self.add_compliances()
         if self.damped:
             self.relax()
         value = types(model.real).vec3 if self.matrices else model.real
@@ -71,11 +72,11 @@ class Batch(Table):
         self.curvature = Curvature(model, self.rows, self.order, apart=self.packed)
         if self.packed:
             from wsim.kernels.solver.sweeps import packets
-            self.targets = packets.aim(model.real, model.module, self.damped)
+            self.targets = packets.rest_angle_kernel(model.real, model.module, self.damped)
             self.curvature.room()
             return
-        self.angles = curvature.angles(model.real, model.module, self.damped)
-        self.targets = curvature.targets(model.real, model.module)
+        self.angles = curvature.hinge_angle_kernel(model.real, model.module, self.damped)
+        self.targets = curvature.target_angle_kernel(model.real, model.module)
 
     def left(self, x: wp.array, e: wp.array, rate: float) -> float:
         """Largest residual that sweeps have left at x + e, by the host in float64; rate: 1 / h [1/s]. `aim` has said before
@@ -90,7 +91,7 @@ class Batch(Table):
         """Angles at rest for what stands at x + d now: see kernels/cloth/curvature.py."""
         launch, cur = self.model.launch, self.curvature
         if cur and self.packed:
-            at = filled(states(self.model.real), x=x, d=d, a=a)
+            at = fill_struct(point_states(self.model.real), x=x, d=d, a=a)
             launch(self.targets, 1, [self.data, self.lengths, at, rate, cur.data], [self.data.rest])
         elif cur:
             launch(self.angles, self.size, [self.data, self.lengths, x, d, a, rate, cur.data], [])
@@ -103,11 +104,11 @@ class Batch(Table):
         kind = {"real": model.real, "multipliers": self.multipliers, "damped": self.damped, "uniform": self.uniform,
                 "exact": model.gradients}
         if not self.fused:
-            return kernels.projection(self.row.equation, module=model.module, **kind)
+            return kernels.xpbd_projection_kernel(self.row.equation, module=model.module, **kind)
         if self.packed:
             from wsim.kernels.solver.sweeps import packets
-            return packets.sweep(self.row.equation, module=model.sweep_module, **kind)
-        return kernels.sweep(self.row.equation, module=model.sweep_module, **kind)
+            return packets.simd_sweep_kernel(self.row.equation, module=model.sweep_module, **kind)
+        return kernels.xpbd_sweep_kernel(self.row.equation, module=model.sweep_module, **kind)
 
     def omega(self, clock: Clock) -> float:
         """Over-relaxation of this iteration."""
@@ -128,7 +129,7 @@ class Batch(Table):
         if self.remade:
             self.uniform, self.data.alpha, self.data.tau = False, None, None
             _, self.kernel = self.make()
-            self.comply().relax()
+            self.add_compliances().relax()
         super().renew()
         if self.adjoint:
             self.adjoint.refresh()

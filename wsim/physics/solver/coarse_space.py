@@ -20,7 +20,7 @@ from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import coarse_cycle as cycle
 from wsim.kernels.solver import coarse_space as kernels
-from wsim.model.model import Body, Model
+from wsim.model.model import Model, PointBody
 
 CELLS = 4.0            # edges a side of the first boxes. 32^3 cells, h 1/60 s: 14 iterations with 4, 3, 15 with 5; 108 of none
 FACTOR = 2             # boxes a side that make one of the next level. 3: 17 iterations for 14, for one level less
@@ -35,7 +35,7 @@ THREADS = 64           # of a block
 
 
 @dataclass
-class Level:
+class CoarseLevel:
     """Nodes of one level; those of one system stand together, in the order of the systems.
 
     of        node of each point, or of each node of the level below; -1: none
@@ -63,7 +63,7 @@ class Level:
         return int(np.diff(self.span).max())
 
 
-def joined(group: np.ndarray, first: np.ndarray, column: np.ndarray) -> np.ndarray:
+def smallest_reached_rows(group: np.ndarray, first: np.ndarray, column: np.ndarray) -> np.ndarray:
     """Smallest row that each row reaches through rows of its group, (n,), in the graph of rows first, column."""
     owner = np.repeat(np.arange(len(group)), np.diff(first))
     inside = group[owner] == group[column]
@@ -92,7 +92,8 @@ def edge_of(places: np.ndarray, system: np.ndarray, first: np.ndarray, column: n
     return np.where((count > 0) & (mean > 0.0), EDGE * mean, 1.0)
 
 
-def levels(places: np.ndarray, system: np.ndarray, first: np.ndarray, column: np.ndarray, systems: int) -> list[Level]:
+def coarse_levels(places: np.ndarray, system: np.ndarray, first: np.ndarray, column: np.ndarray,
+                  systems: int) -> list[CoarseLevel]:
     """All levels over points at `places` [m], (n, 3), of `system` (n,), -1: in no node; first, column: who shares a block."""
     wanted = system >= 0
     low, high = np.full((systems, 3), np.inf), np.full((systems, 3), -np.inf)
@@ -103,10 +104,10 @@ def levels(places: np.ndarray, system: np.ndarray, first: np.ndarray, column: np
     boxes = np.maximum(1, np.round(extent / (CELLS * edge))).astype(np.int64)
     share = (places - low[system]) / np.maximum(extent[system], 1e-300)
     box = np.clip((share * boxes[system]).astype(np.int64), 0, boxes[system] - 1)
-    found: list[Level] = []
+    found: list[CoarseLevel] = []
     place = np.arange(len(places))
     while True:
-        level, member = _level(places, place, system, box, first, column, systems)
+        level, member = _coarse_level(places, place, system, box, first, column, systems)
         found.append(level)
         if not len(level.column):
             return found
@@ -115,11 +116,11 @@ def levels(places: np.ndarray, system: np.ndarray, first: np.ndarray, column: np
         place, system, first, column, boxes = level.place, system[member], level.first, level.column, fewer
 
 
-def _level(places, place, system, box, first, column, systems: int) -> tuple[Level, np.ndarray]:
+def _coarse_level(places, place, system, box, first, column, systems: int) -> tuple[CoarseLevel, np.ndarray]:
     """One level over rows at places[place], and a row of each node."""
     wide = box.max(axis=0) + 1
     group = np.where(system >= 0, ((system * wide[0] + box[:, 0]) * wide[1] + box[:, 1]) * wide[2] + box[:, 2], -1)
-    label = joined(group, first, column)
+    label = smallest_reached_rows(group, first, column)
     n, rows = len(place), np.flatnonzero(group >= 0)
     order = np.lexsort((label[rows], group[rows]))
     rows = rows[order]
@@ -143,15 +144,15 @@ def _level(places, place, system, box, first, column, systems: int) -> tuple[Lev
     across, key = across[sort], key[sort]
     begin = np.flatnonzero(np.r_[np.ones(min(len(key), 1), bool), key[1:] != key[:-1]])
     start = np.searchsorted(key[begin], np.arange(nodes + 1, dtype=np.int64) * nodes)
-    return Level(of, place[middle], span, start, key[begin] % nodes, np.r_[begin, len(key)],
-                 np.stack([across, owner[across]], axis=1)), middle
+    return CoarseLevel(of, place[middle], span, start, key[begin] % nodes, np.r_[begin, len(key)],
+                       np.stack([across, owner[across]], axis=1)), middle
 
 
-def wanted(model: Model, h: float) -> tuple[list[Body], str]:
+def wants_coarse_space(model: Model, h: float) -> tuple[list[PointBody], str]:
     """Soft bodies that a step of h [s] makes stiff and large enough, and what they are solved by and why, in words."""
     found, rows, said = [], PAYS["cuda" if model.device.is_cuda else "cpu"], []
     for body in (b for b in model.bodies if len(b.tets)):
-        kappa, enough = waves(body, h), [least for points, least in rows if body.count >= points]
+        kappa, enough = sound_wave_edges(body, h), [least for points, least in rows if body.count >= points]
         if enough and kappa >= enough[-1]:
             found.append(body)
         if body.world == 0:
@@ -163,7 +164,7 @@ def wanted(model: Model, h: float) -> tuple[list[Body], str]:
     return found, f"block Jacobi, since {words}, under {least:g}" if least else f"block Jacobi, under {rows[0][0]} points"
 
 
-def waves(body, h: float) -> float:
+def sound_wave_edges(body, h: float) -> float:
     """kappa of a soft body: edges that a sound wave passes in h [s], at most all there are."""
     p = body.rest[body.edges - body.first]
     edge = EDGE * float(np.linalg.norm(p[:, 1] - p[:, 0], axis=1).mean())
@@ -172,16 +173,16 @@ def waves(body, h: float) -> float:
     return min(h * speed, float(np.ptp(body.rest, axis=0).max())) / edge
 
 
-class Multigrid:
+class CoarseMultigrid:
     """Tables and launches. bodies: those that have nodes; corners: of the largest element; first, column: blocks of points."""
 
-    def __init__(self, model: Model, bodies: Sequence[Body], corners: int, first: np.ndarray, column: np.ndarray):
+    def __init__(self, model: Model, bodies: Sequence[PointBody], corners: int, first: np.ndarray, column: np.ndarray):
         self.model, starts = model, model.starts
         system = np.full(model.points, -1, np.int64)
         for b in bodies:
             system[np.unique(model.shared(b.tets))] = model.system(b.number)
         places = np.concatenate([b.places + b.origin for b in model.bodies])
-        self.levels = levels(places, system, first, column, len(starts) - 1)
+        self.levels = coarse_levels(places, system, first, column, len(starts) - 1)
         self.node = np.r_[0, np.cumsum([level.size for level in self.levels])]           # first of each level
         self.block = np.r_[0, np.cumsum([len(level.column) for level in self.levels])]
         self.g = self.table(DAMPED * 2.0 / corners)
@@ -194,37 +195,38 @@ class Multigrid:
         thin, thick = own, own + "_blocks" * cuda
         model.modules[thin] = THREADS if cuda else 1
         model.modules[thick] = BLOCK if cuda else 1
-        self.setups, self.steps, self.blocks = (kernels.setup(model.real, thin), cycle.levels(model.real, thin),
-                                                cycle.rest(model.real, thick))
+        self.setups, self.steps, self.blocks = (kernels.coarse_setup_kernels(model.real, thin),
+                                                cycle.level_cycle_kernels(model.real, thin),
+                                                cycle.small_cycle_kernels(model.real, thick))
         self.module = thick
 
     def table(self, omega: float):
         """The struct of all levels on the device."""
         model, t, vec6 = self.model, types(self.model.real), wp.types.vector(6, self.model.real)
-        g, nodes, blocks = kernels.coarse(model.real)(), int(self.node[-1]), int(self.block[-1])
+        g, nodes, blocks = kernels.coarse_spaces(model.real)(), int(self.node[-1]), int(self.block[-1])
         below = [0, *self.node[:-2]]
-        child = [topology.incident(np.maximum(level.of, 0)[:, None], level.size) for level in self.levels]
+        child = [topology.incident_rows(np.maximum(level.of, 0)[:, None], level.size) for level in self.levels]
         if (self.levels[0].of < 0).any():
             inside = np.flatnonzero(self.levels[0].of >= 0)
-            begin, item = topology.incident(self.levels[0].of[inside][:, None], self.levels[0].size)
+            begin, item = topology.incident_rows(self.levels[0].of[inside][:, None], self.levels[0].size)
             child[0] = begin, inside[item]
         parts, items = np.r_[0, np.cumsum([len(v.pair) for v in self.levels])], np.r_[0, np.cumsum([len(c[1]) for c in child])]
 
-        def put(name: str, values: list, more: tuple = (), dtype=int) -> None:
+        def upload_node_rows(name: str, values: list, more: tuple = (), dtype=int) -> None:
             setattr(g, name, model.upload(np.concatenate([*values, *more]).astype(np.int32), dtype))
         each = list(zip(self.levels, self.node, self.block, strict=False))
-        put("node", [self.levels[0].of])
-        put("parent", [level.of + at for level, at in zip(self.levels[1:], self.node[1:], strict=False)],
-            (np.full(self.levels[-1].size, -1),))
-        put("place", [level.place for level in self.levels])
-        put("first", [c[0][:-1] + at for c, at in zip(child, items, strict=False)], ([items[-1]],))
-        put("child", [c[1] + at for c, at in zip(child, below, strict=True)])
-        put("row", [level.first[:-1] + b for level, _, b in each], ([blocks],))
-        put("owner", [np.repeat(np.arange(level.size), np.diff(level.first)) + n for level, n, _ in each])
-        put("column", [level.column + n for level, n, _ in each])
-        put("part", [level.part[:-1] + at for level, at in zip(self.levels, parts, strict=False)], ([parts[-1]],))
+        upload_node_rows("node", [self.levels[0].of])
+        upload_node_rows("parent", [level.of + at for level, at in zip(self.levels[1:], self.node[1:], strict=False)],
+                         (np.full(self.levels[-1].size, -1),))
+        upload_node_rows("place", [level.place for level in self.levels])
+        upload_node_rows("first", [c[0][:-1] + at for c, at in zip(child, items, strict=False)], ([items[-1]],))
+        upload_node_rows("child", [c[1] + at for c, at in zip(child, below, strict=True)])
+        upload_node_rows("row", [level.first[:-1] + b for level, _, b in each], ([blocks],))
+        upload_node_rows("owner", [np.repeat(np.arange(level.size), np.diff(level.first)) + n for level, n, _ in each])
+        upload_node_rows("column", [level.column + n for level, n, _ in each])
+        upload_node_rows("part", [level.part[:-1] + at for level, at in zip(self.levels, parts, strict=False)], ([parts[-1]],))
         lower = [(0, 0), *zip(self.block[:-2], self.node[:-2], strict=True)]
-        put("pair", [level.pair + at for level, at in zip(self.levels, lower, strict=True)], (), wp.vec2i)
+        upload_node_rows("pair", [level.pair + at for level, at in zip(self.levels, lower, strict=True)], (), wp.vec2i)
         g.arm = wp.zeros(model.points, dtype=t.vec3, device=model.device)
         g.S = wp.zeros(model.points, dtype=t.mat33, device=model.device)
         for name, count in (("A", blocks), ("share", model.points), ("D", nodes), ("inverse", nodes), ("Q", nodes)):

@@ -15,7 +15,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import further as kernels
 from wsim.model.stage import Clock
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 
 if TYPE_CHECKING:
     from wsim.physics.solver.newton import Implicit
@@ -31,17 +31,18 @@ class Further:
     def __init__(self, newton: Implicit):
         self.newton, self.model, self.residual = newton, newton.model, newton.residual
         real, module = self.model.real, self.model.module
-        self.look_kernel, self.stand_kernel = kernels.look(real, module), kernels.stand(real, module)
+        self.look_kernel, self.stand_kernel = (kernels.further_look_kernel(real, module),
+                                               kernels.stand_still_kernel(real, module))
         self.words = wp.zeros(2, dtype=int, device=self.model.device)
-        self.keep, self.lead = kernels.keep(real, module), kernels.lead(real, module)
-        self.weigh = kernels.weigh(real, self.model.sweep_module)
+        self.keep, self.lead = kernels.secant_storage_kernel(real, module), kernels.secant_step_kernel(real, module)
+        self.weigh = kernels.secant_weight_kernel(real, self.model.sweep_module)
         n, systems, device, vec3 = self.model.points, newton.assembly.system.systems, self.model.device, types(real).vec3
         rows = kernels.SECANTS
-        self.secants = filled(kernels.secants(real), known=wp.zeros(systems, dtype=int, device=device),
-                              gamma=wp.zeros((systems, rows), dtype=wp.float64, device=device),
-                              scale=wp.ones(systems, dtype=real, device=device),
-                              **{name: wp.zeros(n, dtype=vec3, device=device) for name in ("d", "y")},
-                              **{name: wp.zeros((rows, n), dtype=vec3, device=device) for name in ("dd", "dy")})
+        self.secants = fill_struct(kernels.newton_secants(real), known=wp.zeros(systems, dtype=int, device=device),
+                                   gamma=wp.zeros((systems, rows), dtype=wp.float64, device=device),
+                                   scale=wp.ones(systems, dtype=real, device=device),
+                                   **{name: wp.zeros(n, dtype=vec3, device=device) for name in ("d", "y")},
+                                   **{name: wp.zeros((rows, n), dtype=vec3, device=device) for name in ("dd", "dy")})
 
     def go(self, clock: Clock) -> None:
         """Steps while a residual, which is measured, is too large."""
@@ -51,16 +52,16 @@ class Further:
 
     def repeat(self, clock: Clock, part: float, most: int) -> None:
         """Steps while a residual is above so much of what is needed, `most` at most."""
-        def look(first: int) -> None:
+        def look_at_residual(first: int) -> None:
             self.model.launch(self.look_kernel, 1, [self.residual.array, part * clock.integrator.met[0], most, first],
                               [self.words])
 
-        def step() -> None:
+        def step_further() -> None:
             self.newton.step(clock, lambda: self.ahead(clock))
             self.residual.measure(clock, self.newton.terms)
-            look(0)
-        look(1)
-        wp.capture_while(self.words[:1], step)
+            look_at_residual(0)
+        look_at_residual(1)
+        wp.capture_while(self.words[:1], step_further)
 
     def ahead(self, clock: Clock) -> None:
         """The way of a step, ahead along the last ones, outside of colliders; none for who needs none. Bodies that touch go

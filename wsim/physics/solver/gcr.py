@@ -16,13 +16,14 @@ class Directions:
         """lanes: of sums; module: of kernels."""
         self.model, t, n = model, types(model.real), model.points
         self.along, self.share, self.across, self.store = (
-            f(model.real, module) for f in (kernels.along, kernels.share, kernels.across, kernels.keep))
-        o = self.basis = kernels.basis(model.real)()
+            f(model.real, module) for f in (kernels.gcr_projection_kernel, kernels.gcr_coefficient_kernel,
+                                            kernels.gcr_orthogonal_kernel, kernels.gcr_storage_kernel))
+        o = self.basis = kernels.gcr_basis(model.real)()
 
-        def zeros(shape, dtype):
+        def gcr_zeros(shape, dtype):
             return wp.zeros(shape, dtype=dtype, device=model.device)
-        o.p, o.q = zeros((KEPT, n), t.vec3), zeros((KEPT, n), t.vec3)
-        o.size, o.beta, o.part = zeros(KEPT, wp.float64), zeros(KEPT, wp.float64), zeros((KEPT, lanes), wp.float64)
+        o.p, o.q = gcr_zeros((KEPT, n), t.vec3), gcr_zeros((KEPT, n), t.vec3)
+        o.size, o.beta, o.part = gcr_zeros(KEPT, wp.float64), gcr_zeros(KEPT, wp.float64), gcr_zeros((KEPT, lanes), wp.float64)
 
     def begin(self) -> None:
         self.basis.size.zero_()

@@ -32,13 +32,14 @@ class LineSearch:
             firsts["curvature"] = assembly.bending.first
         self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + line_search.HALVINGS))]
                        for kind, first in firsts.items()}
-        self.inertia, self.move = line_search.inertia(real, module), line_search.move(real, module)
-        self.elastic = {kind: line_search.elastic(t.row.equation, real, module) for kind, t in assembly.tables.items()
+        self.inertia, self.move = line_search.inertia_change_kernel(real, module), line_search.line_step_kernel(real, module)
+        self.elastic = {kind: line_search.elastic_change_kernel(t.row.equation, real, module)
+                        for kind, t in assembly.tables.items()
                         if t.row.gather != SHEET}
-        self.choose = line_search.choose(real, block)
+        self.choose = line_search.step_choice_kernel(real, block)
 
     def trial(self, first: wp.array, begin: int, end: int):
-        trial = line_search.Trial()
+        trial = line_search.LineSearchTrial()
         trial.first, trial.lanes, trial.begin, trial.end = first, self.lanes, begin, end
         trial.step, trial.change = self.step, self.change
         return trial
@@ -68,9 +69,9 @@ class LineSearch:
         """The step of each system. together: of all that are joined by contacts, the same one."""
         system = self.assembly.system
 
-        def alone() -> None:
+        def choose_alone() -> None:
             system.launch(self.choose, [trial, system.drop], [self.step])
         if together and system.joined:
-            system.joined.when_near(lambda: system.joined.choose_step(trial, self.step), alone)
+            system.joined.when_near(lambda: system.joined.choose_step(trial, self.step), choose_alone)
         else:
-            alone()
+            choose_alone()

@@ -19,7 +19,7 @@ from wsim.kernels.cloth.hessian import TURNED, WHOLE
 from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton, pcg
-from wsim.model.model import Body, Model
+from wsim.model.model import Model, PointBody
 
 FUSE = {"cuda": 1500, "cpu": 2**31}     # points up to which one block solves a body. H200, 4 x 1: 4k points by one block
                                         # 12.5 ms a frame, 10k points by several 5.4; 1k points by one 2.0
@@ -30,7 +30,7 @@ STRICT = 0.25          # their tolerance over that of block Jacobi, which leaves
 
 
 @dataclass
-class Entries:
+class SpringEntries:
     """Springs by point: entries first[i] .. first[i + 1] of point i, each with the `other` end and the spring's number."""
 
     first: np.ndarray
@@ -38,15 +38,15 @@ class Entries:
     number: np.ndarray
 
 
-def entries(springs: np.ndarray, n: int) -> Entries:
+def spring_entries(springs: np.ndarray, n: int) -> SpringEntries:
     """Springs of each of n points, ascending."""
-    first, number = topology.incident(springs, n)
+    first, number = topology.incident_rows(springs, n)
     own = np.repeat(np.arange(n), np.diff(first))
-    return Entries(first, springs[number].sum(axis=1) - own, number)
+    return SpringEntries(first, springs[number].sum(axis=1) - own, number)
 
 
 @dataclass
-class Blocks:
+class PointBlocks:
     """Blocks by point, and what each is the sum of.
 
     first, column     blocks first[i] .. first[i + 1] of point i, each with its other point
@@ -63,7 +63,7 @@ class Blocks:
     pull: np.ndarray
 
 
-def beside(group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pairs_within_groups(group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All pairs (a, b), a != b, of the members of each group; group (m,) ascends."""
     first = np.searchsorted(group, group)
     size = np.searchsorted(group, group, side="right") - first
@@ -72,11 +72,11 @@ def beside(group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return a[a != b], b[a != b]
 
 
-def blocks(hinges: np.ndarray, spans: Any, elements: list[np.ndarray], n: int) -> Blocks:
+def point_blocks(hinges: np.ndarray, spans: Any, elements: list[np.ndarray], n: int) -> PointBlocks:
     """Blocks of n points; their items in the order spans, elements, ascending. hinges (h, 4): whose corners have forces."""
     keys, items, begin = [np.zeros(0, np.int64)], [np.zeros((0, 2), np.int64)], 0
     if spans:
-        both = np.stack(beside(spans.triangle), axis=1)
+        both = np.stack(pairs_within_groups(spans.triangle), axis=1)
         keys.append(spans.point[both[:, 0]] * n + spans.point[both[:, 1]])
         items.append(3 * both)
     for ids in elements:
@@ -91,40 +91,40 @@ def blocks(hinges: np.ndarray, spans: Any, elements: list[np.ndarray], n: int) -
     key, item = key[order], item[order]
     new = np.flatnonzero(np.r_[np.ones(min(len(key), 1), bool), key[1:] != key[:-1]])
     first = np.searchsorted(key[new], np.arange(n + 1, dtype=np.int64) * n)
-    corner, pull = topology.incident(np.concatenate([ids.ravel() for ids in (hinges, *elements)])[:, None], n)
-    return Blocks(first, key[new] % n, np.r_[new, len(key)], item, corner, pull)
+    corner, pull = topology.incident_rows(np.concatenate([ids.ravel() for ids in (hinges, *elements)])[:, None], n)
+    return PointBlocks(first, key[new] % n, np.r_[new, len(key)], item, corner, pull)
 
 
 class System:
     """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`). joined: what makes
     one of all bodies of a world where their surfaces are near each other."""
 
-    joined: Any = None                   # `wsim.physics.selfcontact.rows.newton_rows.NewtonRows`
+    joined: Any = None                   # `wsim.physics.contact.selfcontact.rows.newton_rows.NewtonContactRows`
 
     def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
-                 coarse: Sequence[Body] = (), spans: Any = None, schwarz: bool = False):
+                 coarse: Sequence[PointBody] = (), spans: Any = None, schwarz: bool = False):
         """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none. coarse: bodies with a coarse
-        space; schwarz: all are solved by domains (`wsim.physics.schwarz`)."""
-        self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
-        self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.vectors(model.real)()
+        space; schwarz: all are solved by domains (`wsim.physics.solver.schwarz`)."""
+        self.model, n, t, s = model, model.points, types(model.real), newton.newton_structs(model.real)
+        self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.pcg_vectors(model.real)()
         self.rows.w = w
         if len(springs):
-            e = entries(springs, n)
+            e = spring_entries(springs, n)
             self.put(self.rows, spring=e.first, other=e.other, number=e.number)
             self.A.link = self.zeros(len(e.other), t.vec4)
         paired = len(hinges) + sum(map(len, elements)) > 0
         if paired:
-            b = blocks(hinges, spans, elements, n)
+            b = point_blocks(hinges, spans, elements, n)
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)
         self.coarse = self.schwarz = self.cluster = None
         if schwarz:
-            from wsim.physics.schwarz.solver import Schwarz
+            from wsim.physics.solver.schwarz.solver import Schwarz
             self.schwarz = Schwarz(model, b.first, b.column)
         if coarse:
-            from wsim.physics.solver.coarse_space import Multigrid
-            self.coarse = Multigrid(model, coarse, max(e.shape[1] for e in elements), b.first, b.column)
+            from wsim.physics.solver.coarse_space import CoarseMultigrid
+            self.coarse = CoarseMultigrid(model, coarse, max(e.shape[1] for e in elements), b.first, b.column)
         self.A.own, self.A.P, self.A.aside = self.zeros(n, t.scalar), self.zeros(n, t.mat33), self.zeros(1, t.scalar)
         for name in "yrzwps":
             setattr(self.v, name, self.zeros(n, t.vec3))
@@ -135,19 +135,19 @@ class System:
         own = self.coarse.module if self.coarse else model.sweep_module
         kinds = model.real, model.step or own, len(springs) > 0, paired
         if paired and model.device.is_cuda and not (len(springs) or coarse or schwarz):
-            from wsim.physics.fused.conjugate import cluster_of
+            from wsim.physics.motion.fused.conjugate import pcg_cluster_for
             one = self.systems // model.worlds                     # of a world, whose bits do not depend on how many there are
-            self.cluster = cluster_of(model, int(np.diff(self.starts).max()), one, int(np.diff(b.first).max()))
+            self.cluster = pcg_cluster_for(model, int(np.diff(self.starts).max()), one, int(np.diff(b.first).max()))
         self.large = bool(coarse) or int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
         if self.schwarz:
             pass                                       # has kernels of its own
         elif self.cluster:
-            from wsim.kernels.fused.conjugate import solve
-            self.kernel = solve(model.real, model.module_of(self.cluster.threads), self.cluster)
+            from wsim.kernels.motion.fused.conjugate import cluster_pcg_kernel
+            self.kernel = cluster_pcg_kernel(model.real, model.module_of(self.cluster.threads), self.cluster)
         elif self.large:
-            self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut(self.starts)
+            self.kernels, self.chunks = pcg.pcg_chunk_kernels(*kinds, bool(coarse)), self.cut(self.starts)
         else:
-            self.kernel = pcg.solve(*kinds)
+            self.kernel = pcg.pcg_body_kernel(*kinds)
 
     def zeros(self, shape, dtype) -> wp.array:
         return wp.zeros(shape, dtype=dtype, device=self.model.device)
@@ -170,8 +170,8 @@ class System:
         return chunks
 
     def solve(self, f: wp.array, tolerance: float, cap: int, at: tuple = (), A=None) -> None:
-        """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count. at: positions and displacements
-        (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
+        """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.pcg_body_kernel` for drop and count. at: positions and
+        displacements (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
         A = self.A if A is None else A
         if self.joined:
             self.joined.when_near(lambda: self.joined.solve_joined(A, f, tolerance, cap),
@@ -194,7 +194,7 @@ class System:
             return
         c, size = self.chunks, self.chunks.body.size
 
-        def some() -> None:
+        def iterate_chunk_cg() -> None:
             for k in range(EACH_COARSE if self.coarse else EACH):
                 self.launch(self.kernels.multiply, [c, self.rows, A, k % 2, self.v], [], size)
                 self.launch(self.kernels.advance, [c, A, tolerance, cap, k % 2, self.v], [self.drop, self.count], size)
@@ -204,7 +204,7 @@ class System:
             self.coarse.setup(self.rows, A, *at)
         self.launch(self.kernels.start, [c, A, f, self.v], [self.drop], size)
         self.correct(0)
-        wp.capture_while(c.going, some)
+        wp.capture_while(c.going, iterate_chunk_cg)
 
     def correct(self, side: int) -> None:
         """z gets its part of the coarse space, row `side` of gamma its part of r.z."""

@@ -7,11 +7,11 @@ substep began (bodies that nothing holds go on with their momentum from there, s
 ends below what standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system
 of its own with its own steps: worlds do not see each other.
 
-Contacts and soft pins enter the system (`wsim.physics.contact.newton.active_set`, kernels/solver/pins/soft_pin.py), and so do
-contacts of surfaces, which make one system of a world where surfaces are near (`wsim.physics.selfcontact.rows.newton_rows`);
-tethers and strain limits are projected behind the last step, as many sweeps as there were steps, contacts behind each (so do
-recordings of gradients, `wsim.physics.solver.newton_adjoint`). Substeps of the implicit midpoint take further steps until
-their residual is met (`wsim.physics.solver.further`).
+Contacts and soft pins enter the system (`wsim.physics.solver.contact.active_set`, kernels/motion/soft_pins/soft_pin.py), and so
+do contacts of surfaces, which make one system of a world where surfaces are near
+(`wsim.physics.contact.selfcontact.rows.newton_rows`); tethers and strain limits are projected behind the last step, as many
+sweeps as there were steps, contacts behind each (so do recordings of gradients, `wsim.physics.solver.newton_adjoint`). Substeps
+of the implicit midpoint take further steps until their residual is met (`wsim.physics.solver.further`).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton
 from wsim.model.model import Model
 from wsim.model.stage import MISSED, Clock, Method, Methods, Ports, Remedy, Stage
-from wsim.model.state import Field, State
-from wsim.model.status import Status
+from wsim.model.state import SimulationState, StateField
+from wsim.model.status import FrameStatus
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.solver.assembly import Assembly, Term
@@ -49,13 +49,14 @@ def build(b: Build) -> Implicit:
 class Implicit(Method):
     """Stage newton. `terms` is the port where others enter a Newton step."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+    def __init__(self, model: Model, state: SimulationState, points, status: FrameStatus, clock: Clock,
+                 rows: list[Constraints]):
         """rows: soft constraints of all bodies."""
         super().__init__("implicit")
         self.model, self.state, self.every, self.terms = model, state, rows, list[Term]()
         self.assembly = own = Assembly(model, state, points, self.every, clock.h)
         self.c = own.system.zeros(model.points, types(model.real).vec3)
-        state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
+        state.points.take(StateField("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
         self.kernels = {f.__name__: f(model.real, model.step_modules[0]) for f in (newton.begin, newton.stay, newton.end)}
         self.line, self.residual = LineSearch(own), Residual(own, status, clock)
         self.further: Any = None                   # `wsim.physics.solver.further.Further`
@@ -68,7 +69,8 @@ class Implicit(Method):
         self.offer()
         self.by_world = not (self.assembly.solids or self.adjoint)
         what = [f"{b.size} {b.kind}" for b in own.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in own.solids]
-        stage = Stage("newton", "solve", self.iterate, 8 + own.launches, own.bytes, "iteration", ", ".join(what) + own.why)
+        stage = Stage("newton", "solve", self.iterate_newton, 8 + own.launches, own.bytes, "iteration",
+                      ", ".join(what) + own.why)
         self.stages.append(stage)
         if any(s.plastic for s in own.solids):
             size = sum(s.size for s in own.solids if s.plastic)
@@ -90,11 +92,11 @@ class Implicit(Method):
         if muscles := others.ports.muscles:
             self.present = muscles.present
         if not others.ports.contacts:
-            from wsim.physics.solver.rigid_translation import momentum
-            if (term := momentum(self.assembly, self.line.lanes)):
+            from wsim.physics.solver.rigid_translation import momentum_term
+            if (term := momentum_term(self.assembly, self.line.lanes)):
                 self.terms.append(term)
 
-    def iterate(self, clock: Clock) -> None:
+    def iterate_newton(self, clock: Clock) -> None:
         """A Newton step; all of them where tethers or limits are projected behind them; of recorded gradients to a residual."""
         if self.adjoint and self.model.tape:
             if clock.i == 0:
@@ -195,16 +197,16 @@ class Implicit(Method):
         for term in self.terms:
             term.carry()
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("give way")] if status.said(MISSED)[0] else []
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/solver/line_search.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
-        from wsim.physics.cloth.table import energy
+        from wsim.physics.cloth.table import stored_energy
         solids = self.assembly.solids
         solid = solids[0].indicators(solids, self.state) if solids else {}
-        stored = energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)
+        stored = stored_energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.array.numpy().max()),
                 "pcg_iterations": float(self.assembly.system.count.numpy().max())}
 

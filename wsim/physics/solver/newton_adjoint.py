@@ -21,13 +21,13 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
-from wsim.model.tape import without
-from wsim.physics.contact.newton.active_set_adjoint import ContactsAdjoint
+from wsim.model.tape import without_gradient
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.forces_adjoint import Forces
-from wsim.physics.solver.assembly import module_of
+from wsim.physics.motion.soft_pins.soft_pin_adjoint import PinsAdjoint
+from wsim.physics.solver.assembly import newton_module
+from wsim.physics.solver.contact.active_set_adjoint import ActiveSetAdjoint
 from wsim.physics.solver.gcr import Directions
-from wsim.physics.solver.soft_pin_adjoint import PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 AMONG = {"float32": 1e-5, "float64": 1e-15}     # among contacts, whose steps gain less: to where rounding ends it
@@ -48,16 +48,16 @@ class ImplicitAdjoint(Forces):
         self.method, self.assembly, model = method, method.assembly, method.model
         super().__init__(model, ForceGather(model, self.assembly.points.constants, rows, None, shared=False), model.module)
         n, real, t = model.points, model.real, types(model.real)
-        module = module_of(model, ("adjoint",)) or model.module
+        module = newton_module(model, ("adjoint",)) or model.module
         both = zip(self.pull.tables, self.assembly.solids, strict=True)
         self.plastic = [self.share(own, live) for own, live in both if live.plastic]
         names = ("pairs", "residual", "product", "free", "spread", "dot", "add", "going", "falling", "worst", "weigh")
         self.kernels = {name: getattr(newton_adjoint, name)(real, module) for name in names}
 
-        def over(count):
+        def zero_vectors(count):
             return wp.zeros(count, dtype=t.vec3, device=model.device)
-        self.d, self.a, self.b, self.y, self.sum = (over(n) for _ in range(5))
-        self.p, self.q, self.r, self.scale = (over(n) for _ in range(4))
+        self.d, self.a, self.b, self.y, self.sum = (zero_vectors(n) for _ in range(5))
+        self.p, self.q, self.r, self.scale = (zero_vectors(n) for _ in range(4))
         lanes = 1024 if model.device.is_cuda else 1
         self.sums = [wp.zeros(lanes, dtype=wp.float64, device=model.device) for _ in range(4)]
         self.directions = Directions(model, lanes, module)
@@ -67,7 +67,7 @@ class ImplicitAdjoint(Forces):
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
         self.pins: PinsAdjoint | None = None
-        self.contacts: ContactsAdjoint | None = None
+        self.contacts: ActiveSetAdjoint | None = None
 
     @staticmethod
     def share(own, live):
@@ -81,7 +81,7 @@ class ImplicitAdjoint(Forces):
         if kind == "pins":
             self.pins = PinsAdjoint(self.model, *given)
         else:
-            self.contacts = ContactsAdjoint(self.model, *given)
+            self.contacts = ActiveSetAdjoint(self.model, *given)
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
@@ -123,14 +123,14 @@ class ImplicitAdjoint(Forces):
         wp.copy(self.b, s.d)
         if contacts:
             contacts.begin()
-        self.converge(clock, max(clock.iterations, CONTACTS if contacts else 0))
+        self.converge_newton(clock, max(clock.iterations, CONTACTS if contacts else 0))
         if contacts and clock.iterations < AGAIN:
             self.rounds.zero_()
             self.judge()
             wp.capture_while(self.again, lambda: self.restart(clock))
         self.run("worst", self.sums[:2], [self.missed], 1)
 
-    def converge(self, clock, steps: int) -> None:
+    def converge_newton(self, clock, steps: int) -> None:
         """So many Newton steps with a line search, then full ones while they gain."""
         m, s, contacts = self.assembly, self.assembly.state, self.contacts
         for i in range(steps):
@@ -155,7 +155,7 @@ class ImplicitAdjoint(Forces):
         """The solve once more, from the prediction, by more steps with a line search."""
         self.method.c.zero_()
         wp.copy(self.assembly.state.d, self.b)
-        self.converge(clock, AGAIN)
+        self.converge_newton(clock, AGAIN)
         self.judge()
 
     def look(self, clock) -> None:
@@ -176,7 +176,7 @@ class ImplicitAdjoint(Forces):
         m, s = self.assembly, self.assembly.state
         self.system(1.0 / clock.g)
         if self.contacts:
-            self.krylov(self.tangent, NEAR, FEW, clock)
+            self.solve_krylov(self.tangent, NEAR, FEW, clock)
             self.run("add", [s.d, self.sum, self.sums[3], self.sums[3], 1.0], [s.d])
             self.contacts.turn(s.d, self.a, clock.g)
         else:
@@ -206,7 +206,7 @@ class ImplicitAdjoint(Forces):
         rate, w = 1.0 / clock.g, self.assembly.rows.w
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
                              (self.y, d.grad)):
-            wp.copy(into, without(source))               # a copy takes gradients along where both have them
+            wp.copy(into, without_gradient(source))      # a copy takes gradients along where both have them
         self.method.prepare(b, clock)
         m.A.aside.zero_()
         self.forget()
@@ -217,7 +217,7 @@ class ImplicitAdjoint(Forces):
         else:
             self.run("free", [w, self.y], [self.r])
         self.system(rate)
-        self.krylov(self.product, EXACT[self.name], MOST, clock)
+        self.solve_krylov(self.product, EXACT[self.name], MOST, clock)
         self.run("worst", self.sums[2:], [self.left], 1)
         if contacts and contacts.after:
             contacts.run("joined", [contacts.frame.W, self.sum, contacts.given], [self.p])
@@ -231,9 +231,9 @@ class ImplicitAdjoint(Forces):
         if contacts:
             self.run("product", [w, self.p, self.pair.grad, rate], [self.q])
             contacts.back(state, self.q, self.sum, self.y, a.grad)
-        self.model.launch(newton_adjoint.give(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])
+        self.model.launch(newton_adjoint.gradient_transfer_kernel(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])
 
-    def seed(self, contacts: ContactsAdjoint, state, by_a: wp.array, clock) -> None:
+    def seed(self, contacts: ActiveSetAdjoint, state, by_a: wp.array, clock) -> None:
         """r becomes the right side, from y: with what pushes give, where something reads them behind the solve."""
         if not contacts.after:
             contacts.run("spread_out", [contacts.frame.S, self.y], [self.r])
@@ -244,7 +244,7 @@ class ImplicitAdjoint(Forces):
         self.run("product", [w, contacts.given, self.pair.grad, rate], [self.q])
         contacts.run("remainder", [contacts.frame.S, self.y, self.q], [self.r])
 
-    def krylov(self, product, tolerance: float, most: int, clock) -> None:
+    def solve_krylov(self, product, tolerance: float, most: int, clock) -> None:
         """sum becomes B^-1 r, q = product(z) = B z; the last sums are those of r then, and as it was."""
         m = self.assembly
         rq, qq, rr, first = self.sums
@@ -253,10 +253,10 @@ class ImplicitAdjoint(Forces):
         wp.copy(first, self.dot(self.r, self.r, 2))
         self.turns.zero_()
 
-        def look() -> None:
+        def test_krylov_residual() -> None:
             self.run("going", [rr, first, tolerance, most, self.turns], [self.turning], 1)
 
-        def step() -> None:
+        def step_krylov() -> None:
             m.solve(self.r, INNER, CAP)
             product(m.v.y, clock)
             self.directions.turn(m.v.y, self.q)
@@ -266,9 +266,9 @@ class ImplicitAdjoint(Forces):
             self.run("add", [self.r, self.q, rq, qq, -1.0], [self.r])
             self.directions.keep(m.v.y, self.q, qq, self.turns)
             self.dot(self.r, self.r, 2)
-            look()
-        look()
-        wp.capture_while(self.turning, step)
+            test_krylov_residual()
+        test_krylov_residual()
+        wp.capture_while(self.turning, step_krylov)
 
     def tangent(self, z: wp.array, clock) -> None:
         """q = B z of what is left, as if the Jacobian were symmetric: so it is but for damping."""

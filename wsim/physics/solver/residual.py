@@ -7,24 +7,25 @@ import warp as wp
 
 from wsim.kernels.solver import line_search
 from wsim.model.stage import MISSED, UNSOLVED, Clock
-from wsim.model.status import Status
+from wsim.model.status import FrameStatus
 from wsim.physics.solver.assembly import Assembly, Term
 
 
 class Residual:
     """The residual of each system, and the words of the status that say where it is too large."""
 
-    def __init__(self, assembly: Assembly, status: Status, clock: Clock):
+    def __init__(self, assembly: Assembly, status: FrameStatus, clock: Clock):
         model, self.assembly, self.status = assembly.model, assembly, status
         status.reserve(UNSOLVED, len(model.bodies))
         self.array = assembly.system.zeros(assembly.system.systems, model.real)
         module, block = model.step_modules
-        self.left, self.unmet = line_search.left(model.real, block), line_search.unmet(model.real, module)
-        self.rounded = line_search.rounded(model.real, block)
+        self.left, self.unmet = (line_search.newton_residual_kernel(model.real, block),
+                                 line_search.unmet_residual_kernel(model.real, module))
+        self.rounded = line_search.rounding_test_kernel(model.real, block)
         if clock.watched:
             status.reserve(MISSED)
-            from wsim.kernels.solver.sweeps.residual import judge
-            self.judge = judge(model.real, model.module)
+            from wsim.kernels.solver.sweeps.residual import residual_verdict_kernel
+            self.judge = residual_verdict_kernel(model.real, model.module)
 
     def measure(self, clock: Clock, terms: Iterable[Term]) -> wp.array:
         """Measures what the last Newton step left of each system, by the matrix at its end, which is assembled."""

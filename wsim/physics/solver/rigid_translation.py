@@ -9,7 +9,7 @@ from wsim.model.model import Model
 from wsim.physics.solver.assembly import Assembly, Term
 
 
-def groups(model: Model) -> np.ndarray:
+def sharing_groups(model: Model) -> np.ndarray:
     """Number of the group of each body, (bodies,), ascending by the first of each: bodies that share points are one."""
     of = np.arange(len(model.bodies))
     number = np.repeat(of, [b.count for b in model.bodies])
@@ -20,7 +20,7 @@ def groups(model: Model) -> np.ndarray:
     return np.unique(of, return_inverse=True)[1]
 
 
-def free(assembly: Assembly, group: np.ndarray) -> np.ndarray:
+def free_groups(assembly: Assembly, group: np.ndarray) -> np.ndarray:
     """1 for each group of bodies no point of which is held, else 0; points that nothing is made of, or that another stands for,
     have no mass and count for neither."""
     w, found = assembly.rows.w.numpy(), np.ones(group.max(initial=-1) + 1, np.int32)
@@ -30,17 +30,17 @@ def free(assembly: Assembly, group: np.ndarray) -> np.ndarray:
     return found
 
 
-def momentum(assembly: Assembly, lanes: int) -> "Momentum | Joined | None":
+def momentum_term(assembly: Assembly, lanes: int) -> "Momentum | Joined | None":
     """The term of a system; None where all bodies are held. lanes: threads that sum over a body."""
-    def term(group: np.ndarray) -> Momentum | None:
-        loose = free(assembly, group)
+    def group_momentum_term(group: np.ndarray) -> Momentum | None:
+        loose = free_groups(assembly, group)
         return Momentum(assembly, lanes, group, loose) if loose.any() else None
-    group = groups(assembly.model)
-    alone, joined = term(group), together(assembly.model, group)
-    return Joined(assembly, alone, term(joined)) if alone and joined is not group else alone
+    group = sharing_groups(assembly.model)
+    alone, joined = group_momentum_term(group), touching_groups(assembly.model, group)
+    return Joined(assembly, alone, group_momentum_term(joined)) if alone and joined is not group else alone
 
 
-def together(model: Model, group: np.ndarray) -> np.ndarray:
+def touching_groups(model: Model, group: np.ndarray) -> np.ndarray:
     """Groups where bodies of a world whose surfaces touch are one."""
     found = group
     for world in range(model.worlds):
@@ -64,10 +64,10 @@ class Joined(Term):
 
     def add(self, y: wp.array, to: wp.array) -> None:
         """Adds the translations of y to `to`, as `Momentum.add` does."""
-        def together() -> None:
+        def add_joined_translations() -> None:
             if self.joined:
                 self.joined.add(y, to)
-        self.assembly.system.joined.when_near(together, lambda: self.alone.add(y, to))
+        self.assembly.system.joined.when_near(add_joined_translations, lambda: self.alone.add(y, to))
 
 
 class Momentum(Term):
@@ -76,8 +76,9 @@ class Momentum(Term):
     def __init__(self, assembly: Assembly, lanes: int, group: np.ndarray, free: np.ndarray):
         """group: of each body, (bodies,); free: 1 for each group that nothing holds."""
         self.assembly, self.lanes, model = assembly, lanes, assembly.model
-        self.amount, self.mean = kernels.amount(model.real, model.module), kernels.mean(model.real, model.sweep_module)
-        self.translate, self.free = kernels.translate(model.real, model.module), model.upload(free, int)
+        self.amount, self.mean = (kernels.momentum_part_kernel(model.real, model.module),
+                                  kernels.mean_translation_kernel(model.real, model.sweep_module))
+        self.translate, self.free = kernels.group_translation_kernel(model.real, model.module), model.upload(free, int)
         order, counts = np.argsort(group, kind="stable"), [b.count for b in model.bodies]
         spans = np.array([(model.bodies[k].first, model.bodies[k].last) for k in order], np.int32)
         self.spans = model.upload(spans, wp.vec2i)                    # those of a group in a row

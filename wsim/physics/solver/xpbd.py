@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.motion.points import states
+from wsim.kernels.motion.points import point_states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
 from wsim.model.stage import MISSED, Clock, Method, Methods, Ports, Remedy, Stage
-from wsim.model.state import State
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.cloth.constraints import Constraints, changed, colored
-from wsim.physics.cloth.kind import SPRINGS, named
-from wsim.physics.solver.batch import Batch
+from wsim.model.state import SimulationState
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.cloth.constraints import Constraints, apply_live_value, coloured_constraints
+from wsim.physics.cloth.kind import SPRINGS, named_kinds
+from wsim.physics.solver.batch import ColouredBatch
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -39,15 +39,16 @@ class Xpbd(Method):
 
     alike = True
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+    def __init__(self, model: Model, state: SimulationState, points, status: FrameStatus, clock: Clock,
+                 rows: list[Constraints]):
         """rows: constraints of all bodies."""
         super().__init__("xpbd", by_world=True)
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
-        self.watched: list[Batch] = []
+        self.watched: list[ColouredBatch] = []
         self.muscles: Any = None
-        colored(rows)
-        self.batches = [Batch(kind.name, [r for r in rows if r.kind == kind.name], model, clock)
-                        for kind in named({r.kind for r in rows})]
+        coloured_constraints(rows)
+        self.batches = [ColouredBatch(kind.name, [r for r in rows if r.kind == kind.name], model, clock)
+                        for kind in named_kinds({r.kind for r in rows})]
         self.offers = Ports(xpbd_batches=self.batches, constraint_rows=[r for b in self.batches for r in b.rows])
         if any(b.row.gather == SPRINGS for b in self.batches):
             self.offers.spring_tables = self.spring_tables
@@ -71,7 +72,7 @@ class Xpbd(Method):
 
     def meet(self, others: Methods) -> None:
         """The energy is that of the rest lengths at the end of a frame. Explicit steps may take tethers: see
-        kernels/fused/hold.py."""
+        kernels/motion/fused/hold.py."""
         if "xpbd" in (others.ports.fused_effects or ()):
             self.stages.clear()
         self.muscles = others.ports.muscles
@@ -79,24 +80,25 @@ class Xpbd(Method):
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end
         of a substep doubles what they leave: each is."""
-        from wsim.kernels.solver.sweeps.residual import judge
+        from wsim.kernels.solver.sweeps.residual import residual_verdict_kernel
         model = self.model
         self.status.reserve(MISSED)
         self.watched = [b for b in self.batches if not b.hard]
         self.largest = wp.zeros(len(self.watched), dtype=model.real, device=model.device)
         self.look_kernels = self.residual_kernels(model.module)
-        self.judge = judge(model.real, model.module)
+        self.judge = residual_verdict_kernel(model.real, model.module)
         self.stages.append(Stage("residual", "solve", self.look, len(self.watched) + 1, 0,
                                  what=f"{self.points.integrator.name}'s, in "
                                       f"{'every' if self.clock.integrator.beyond else 'the last'} substep of a frame"))
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("give way")] if self.watched and status.said(MISSED)[0] else []
 
     def residual_kernels(self, module: str, few: bool = True) -> list:
         """Kernels by batch; few: also of those that the host can look at."""
-        from wsim.kernels.solver.sweeps.residual import residual
-        return [residual(b.row.equation, real=self.model.real, module=module, uniform=b.uniform) if few or not b.few else None
+        from wsim.kernels.solver.sweeps.residual import xpbd_residual_kernel
+        return [xpbd_residual_kernel(b.row.equation, real=self.model.real, module=module, uniform=b.uniform) if few
+                or not b.few else None
                 for b in self.batches if not b.hard]
 
     def look(self, clock: Clock) -> None:
@@ -108,13 +110,13 @@ class Xpbd(Method):
         x, d = (tape.read(s.x), tape.read(s.d)) if tape else (s.x, s.d)
         lam = [b.adjoint.last if tape and b.adjoint else b.lam for b in self.watched]
 
-        def judge() -> None:
+        def judge_sweeps() -> None:
             before, model.tape = model.tape, None        # looks, and changes nothing
             self.largest.zero_()
             self.measure(self.look_kernels, x, d, lam, self.largest)
             model.launch(self.judge, len(lam), [self.largest, clock.integrator.met[1]], [self.status.word(MISSED)])
             model.tape = before
-        tape.do(judge) if tape else judge()
+        tape.do(judge_sweeps) if tape else judge_sweeps()
 
     def measure(self, kernels_: list, x: wp.array, d: wp.array, lam: list[wp.array], largest: wp.array) -> None:
         soft = [b for b in self.batches if not b.hard]
@@ -145,7 +147,7 @@ class Xpbd(Method):
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
                 for kernel in (k for k in looks if k):
-                    kernel_cache.ready(kernel, self.model)
+                    kernel_cache.load_module_of_kernel(kernel, self.model)
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             hosts = [b for b, kernel in zip(soft, looks, strict=True) if not kernel] if looks else []
             found["residual"] = max([float(largest.numpy().max())] + [
@@ -156,14 +158,14 @@ class Xpbd(Method):
         for batch in self.batches if not self.model.tape else ():
             self.model.zero(batch.lam)
 
-    def project(self, batch: Batch, clock: Clock) -> None:
+    def project(self, batch: ColouredBatch, clock: Clock) -> None:
         s, a = self.state, self.points.anchor if batch.damped else None
         if self.model.tape and batch.adjoint:
             batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
             return
         omega = batch.omega(clock)
         batch.aim(s.x, s.d, a, 1.0 / clock.g)
-        at = filled(states(self.model.real), x=s.x, d=s.d, a=a)
+        at = fill_struct(point_states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
             self.model.sweep(batch.kernel, [batch.data, at, batch.colours, 1.0 / clock.g, omega, batch.lam],
                              [s.d, batch.lam], batch.worlds)
@@ -175,7 +177,7 @@ class Xpbd(Method):
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
         a rest shape and rest lengths change."""
-        hit = any([changed(self.model, batch.rows, path, name, value, world, batch.damped) for batch in self.batches])
+        hit = any([apply_live_value(self.model, batch.rows, path, name, value, world, batch.damped) for batch in self.batches])
         for batch in self.batches:
             batch.refresh()
         if any(batch.remade for batch in self.batches):

@@ -20,9 +20,9 @@ from math import inf, isinf, sqrt
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Cloth, Collider, Soft, Springs, Surface
-from wsim.scene.solids import row
+from wsim.scene.solids import shape_row
 
 STRAINED = 1.1         # edges of a sheet that drapes over a ball are up to so much longer, by its shear
 CREASE = np.deg2rad(50.0)
@@ -30,7 +30,7 @@ SIDES = 16             # on a circle of a round shape whose girth is asked
 MOST = 0.95            # of the triangles are hidden: a few large ones do not lift a fine sheet
 
 
-def circles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def enclosing_circle_radii(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Radius [m] of the least circle about each triangle (t, 3) of points (n, 3); (i, j, j) is a segment."""
     p = points[faces].astype(np.float64)
     a, b, c = np.sort(np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2), axis=1).T
@@ -39,26 +39,26 @@ def circles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.where(acute, np.divide(a * b * c, 4.0 * area, out=0.5 * c, where=acute & (area > 0.0)), 0.5 * c)
 
 
-def breadth(points: np.ndarray, faces: np.ndarray) -> float:
+def triangle_breadth(points: np.ndarray, faces: np.ndarray) -> float:
     """c [m] of a body: that of all but its largest triangles; 0 without any."""
-    return STRAINED * float(np.quantile(circles(points, faces), MOST, method="higher")) if len(faces) else 0.0
+    return STRAINED * float(np.quantile(enclosing_circle_radii(points, faces), MOST, method="higher")) if len(faces) else 0.0
 
 
-def radius(collider: Collider) -> float:
+def least_curvature_radius(collider: Collider) -> float:
     """The least radius of curvature [m] of what bends outward and is no edge; inf where all is flat."""
     shape = collider.shape
-    return _bent(shape) if isinstance(shape, Surface) else row(shape).curvature(shape)
+    return _mesh_curvature_radius(shape) if isinstance(shape, Surface) else shape_row(shape).curvature(shape)
 
 
-def girth(collider: Collider) -> float:
+def least_hole_radius(collider: Collider) -> float:
     """Least radius [m] of a round hole that a collider fits through along one of its principal axes; inf for a plane."""
     shape = collider.shape
     if isinstance(shape, Surface):
         points = shape.points.astype(np.float64)
-    elif isinf(row(shape).ball(shape)):
+    elif isinf(shape_row(shape).ball(shape)):
         return inf
     else:
-        points = row(shape).outline(row(shape).given(shape), SIDES)[0]
+        points = shape_row(shape).outline(shape_row(shape).given(shape), SIDES)[0]
     if not len(points):
         return inf
     centred = points - points.mean(axis=0)
@@ -67,20 +67,20 @@ def girth(collider: Collider) -> float:
     return min(float(np.linalg.norm(np.delete(own, k, axis=1), axis=1).max()) for k in range(own.shape[1]))
 
 
-def _bent(surface: Surface) -> float:
+def _mesh_curvature_radius(surface: Surface) -> float:
     """Of a mesh, whose faces are the author's polygons."""
     points = surface.points.astype(np.float64)
-    triangles, polygon = triangulate(surface.points, surface.counts, surface.indices)
+    triangles, polygon = triangulate_polygons(surface.points, surface.counts, surface.indices)
     if not len(triangles):
         return inf
     p, count = points[triangles], int(polygon.max()) + 1
     cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     size = np.linalg.norm(cross, axis=1)
 
-    def over(values: np.ndarray) -> np.ndarray:
+    def sum_by_polygon(values: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(polygon, values[:, k], count) for k in range(3)], axis=1)
-    centre = over(size[:, None] * p.mean(axis=1)) / np.maximum(np.bincount(polygon, size, count), 1e-300)[:, None]
-    particle = topology.weld(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))[triangles].astype(np.int64)
+    centre = sum_by_polygon(size[:, None] * p.mean(axis=1)) / np.maximum(np.bincount(polygon, size, count), 1e-300)[:, None]
+    particle = topology.weld_points(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))[triangles].astype(np.int64)
     start, end, face = particle.ravel(), np.roll(particle, -1, axis=1).ravel(), np.repeat(polygon, 3)
     key = np.minimum(start, end) * (len(points) + 1) + np.maximum(start, end)
     order = np.argsort(key, kind="stable")
@@ -88,10 +88,10 @@ def _bent(surface: Surface) -> float:
     rims = np.bincount(np.unique(key, return_inverse=True)[1]) == 1
     volume = 0.0 if rims.any() else float((p[:, 0] * cross).sum())           # closed meshes may be wound inward
     along = (np.roll(p, -1, axis=1) - p).reshape(-1, 3)[order[both]]
-    return _least(over(cross), centre, (face[order[both]], face[order[both + 1]], along), volume)
+    return _least_bend_radius(sum_by_polygon(cross), centre, (face[order[both]], face[order[both + 1]], along), volume)
 
 
-def _least(normal: np.ndarray, centre: np.ndarray, pairs: tuple, outward: float) -> float:
+def _least_bend_radius(normal: np.ndarray, centre: np.ndarray, pairs: tuple, outward: float) -> float:
     """Over pairs of faces, (one, other, the edge between them). outward: > 0 where normals are, < 0 where they point inward; 0:
     both sides count."""
     one, other, edge = pairs
@@ -105,7 +105,7 @@ def _least(normal: np.ndarray, centre: np.ndarray, pairs: tuple, outward: float)
     return float((np.linalg.norm(away, axis=1)[counts] / angle[counts]).min(initial=inf))
 
 
-def hidden(c: float, R: float) -> float:
+def chord_sagitta(c: float, R: float) -> float:
     """g [m], see above."""
     R = max(R, 2.0 * c)
     return 0.0 if c == 0.0 or isinf(R) else c * c / (sqrt(R * R + c * c) + R)
@@ -115,7 +115,7 @@ def body_breadth(body: Cloth | Springs | Soft) -> float:
     """c [m] of a body of a scene, from its rest shape in the world."""
     rest = getattr(body, "rest_points", None)
     _, faces = body_faces(body)
-    return breadth(body.motion.points(body.points if rest is None else rest, 0.0), faces)
+    return triangle_breadth(body.motion.points(body.points if rest is None else rest, 0.0), faces)
 
 
 def body_faces(body: Cloth | Springs | Soft) -> tuple[np.ndarray, np.ndarray]:
@@ -126,8 +126,8 @@ def body_faces(body: Cloth | Springs | Soft) -> tuple[np.ndarray, np.ndarray]:
         return points, body.edges[:, [0, 1, 1]]
     if isinstance(body, Soft):
         from wsim.geometry.tetra import tets
-        return points, tets.surface(body.tets)
-    return points, triangulate(body.points, body.counts, body.indices)[0]
+        return points, tets.tet_surface_triangles(body.tets)
+    return points, triangulate_polygons(body.points, body.counts, body.indices)[0]
 
 
 def body_reach(body: Cloth | Springs | Soft) -> float:

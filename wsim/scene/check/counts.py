@@ -3,7 +3,7 @@
 MANY, MOST = 10_000, 1_000_000       # substeps of a frame, iterations, frames: from which one is warned, and refused beyond
 
 
-def refuse(what: str, count: int, mend: str) -> None:
+def refuse_large_count(what: str, count: int, mend: str) -> None:
     """Raises SceneError beyond MOST."""
     from wsim.scene import Problem, SceneError
 
@@ -11,7 +11,7 @@ def refuse(what: str, count: int, mend: str) -> None:
         raise SceneError(Problem("/", f"{what} is {count}; allowed is up to {MOST}; {mend}"))
 
 
-def whole(what: str, value, least: int = 0) -> int:
+def checked_count(what: str, value, least: int = 0) -> int:
     """A count that a call was given. Raises SceneError for what is none, and beyond MOST."""
     from operator import index
 

@@ -5,70 +5,74 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.scene import Cloth, Load, Problem, Scene, Soft, Springs
-from wsim.scene.check.objects import array, error, warning
-from wsim.scene.nodal.loads import faces
+from wsim.scene.check.objects import check_point_array, object_warning, thing_error
+from wsim.scene.nodal.loads import surface_faces
 
 
-def load(thing: Load, scene: Scene) -> Iterator[Problem]:
+def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
     """Problems of a load."""
     path, values = thing.path, thing.curve.values
     if values.shape[1:] != (3,):
-        yield error(path, f"its {thing.name} has keys of shape {values.shape[1:]}", "three numbers a key",
-                    f"give a {thing.name} (3,), or a Curve of such")
+        yield thing_error(path, f"its {thing.name} has keys of shape {values.shape[1:]}", "three numbers a key",
+                           f"give a {thing.name} (3,), or a Curve of such")
     elif not np.isfinite(values).all() or not np.isfinite(thing.curve.times).all():
-        yield error(path, f"its {thing.name} or its times are not finite", "finite numbers", f"give another {thing.name}")
+        yield thing_error(path, f"its {thing.name} or its times are not finite", "finite numbers",
+                           f"give another {thing.name}")
     if (thing.points is None) == (thing.triangles is None):
-        yield error(path, "it names both points and triangles" if thing.points is not None else "it names neither points nor "
-                    "triangles", "points of a force, or triangles of a traction", "leave one of them out, or name some")
+        yield thing_error(path,
+                           "it names both points and triangles" if thing.points is not None else "it names neither points nor "
+                           "triangles", "points of a force, or triangles of a traction", "leave one of them out, or name some")
         return
     bodies = [*scene.bodies(), *scene.things("Rods")]
     body = next((b for b in bodies if b.path == thing.body), None)
     if body is None:
         names = ", ".join(b.path for b in bodies[:5]) or "none, the scene has no body"
-        yield error(path, f"it loads '{thing.body}', which is no cloth, spring net, soft body or rods here", names, "name one")
+        yield thing_error(path, f"it loads '{thing.body}', which is no cloth, spring net, soft body or rods here", names,
+                           "name one")
         return
     named = thing.triangles if thing.points is None else thing.points
     assert named is not None
     if named.size == 0:
-        yield error(path, "it acts on nothing", "at least one point or triangle", "name some, or remove it")
+        yield thing_error(path, "it acts on nothing", "at least one point or triangle", "name some, or remove it")
         return
     bad = (named < 0) | (named >= len(body.points))
     if bad.any():
-        yield error(path, f"it loads point {named[bad][0]} of {body.path}", f"0 to {len(body.points) - 1}",
-                    "count from 0, in the order of the mesh's points")
+        yield thing_error(path, f"it loads point {named[bad][0]} of {body.path}", f"0 to {len(body.points) - 1}",
+                           "count from 0, in the order of the mesh's points")
     elif thing.triangles is not None:
-        yield from _triangles(thing, thing.triangles, body)
+        yield from _check_load_triangles(thing, thing.triangles, body)
     elif isinstance(body, Soft) and (idle := np.setdiff1d(named, body.tets)).size:
-        yield warning(path, f"it loads point {idle[0]} of {body.path}, which no tet has: that moves nothing", "points of tets",
-                      "name others")
+        yield object_warning(path, f"it loads point {idle[0]} of {body.path}, which no tet has: that moves nothing",
+                             "points of tets", "name others")
     if thing.points is not None:
-        yield from array(path, "weights", thing.weights, (len(thing.points),))
+        yield from check_point_array(path, "weights", thing.weights, (len(thing.points),))
 
 
-def _triangles(thing: Load, triangles: np.ndarray, body: Cloth | Springs | Soft) -> Iterator[Problem]:
+def _check_load_triangles(thing: Load, triangles: np.ndarray, body: Cloth | Springs | Soft) -> Iterator[Problem]:
     """Each has its corners in one face of the body, and is named once."""
     if not isinstance(body, Cloth | Soft):
         what = "is a spring net, which has" if isinstance(body, Springs) else "are rods, which have"
-        yield error(thing.path, f"{body.path} {what} no triangles for a traction", "a cloth or soft body",
-                    "give a force on points")
+        yield thing_error(thing.path, f"{body.path} {what} no triangles for a traction", "a cloth or soft body",
+                           "give a force on points")
         return
     try:
-        counts, indices = faces(body)
+        counts, indices = surface_faces(body)
     except (ValueError, IndexError):                 # said of the body
         return
-    of = _faces_at(counts, indices, triangles)
+    of = _faces_around_points(counts, indices, triangles)
     for k, (a, b, c) in enumerate(triangles.tolist()):
         if len({a, b, c}) < 3 or not of[a] & of[b] & of[c]:
             where = "in one face of the mesh" if isinstance(body, Cloth) else "of one triangle of its surface"
-            yield error(thing.path, f"triangle {k} has the points {a}, {b}, {c} of {body.path}", f"three corners {where}",
-                        "name triangles that are there (`wsim.scene.nodal.loads.between` finds them)")
+            yield thing_error(thing.path, f"triangle {k} has the points {a}, {b}, {c} of {body.path}",
+                               f"three corners {where}",
+                               "name triangles that are there (`wsim.scene.nodal.loads.surface_triangles_among` finds them)")
             return
     ordered = np.sort(triangles, axis=1)
     if len(np.unique(ordered, axis=0)) < len(triangles):
-        yield error(thing.path, "it names a triangle twice", "each once", "leave one out, or give twice the traction")
+        yield thing_error(thing.path, "it names a triangle twice", "each once", "leave one out, or give twice the traction")
 
 
-def _faces_at(counts: np.ndarray, indices: np.ndarray, triangles: np.ndarray) -> dict[int, set[int]]:
+def _faces_around_points(counts: np.ndarray, indices: np.ndarray, triangles: np.ndarray) -> dict[int, set[int]]:
     """Faces of each point that the triangles name."""
     found: dict[int, set[int]] = {p: set() for p in np.unique(triangles).tolist()}
     owner = np.repeat(np.arange(len(counts)), counts)

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.scene import Cloth, Pin, Problem, Soft, Springs
-from wsim.scene.check.objects import error, warning
+from wsim.scene.check.objects import object_warning, thing_error
 
 APART = 1e-4       # of the body's size, by which two places of one point may differ
 TIMES = 64         # at which places are compared, at most
 
 
-def held_twice(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
+def check_conflicting_pins(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
     """One error a pair of its hard pins, or of places of one, that disagree. All are sound here. (A soft pin pulls, and a point
     may have several.)"""
     points = np.concatenate([p.points for p in pins])
@@ -20,40 +20,42 @@ def held_twice(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Proble
     again = np.flatnonzero(points[order][1:] == points[order][:-1])
     a, b = order[again], order[again + 1]
     size, said = float(np.ptp(body.motion.points(body.points), axis=0).max()), set()
-    for t in _times(pins):
-        places = np.concatenate([_places(body, p, t) for p in pins])
+    for t in _pin_check_times(pins):
+        places = np.concatenate([_pinned_positions(body, p, t) for p in pins])
         away = np.linalg.norm(places[a] - places[b], axis=1)
         for k in np.flatnonzero(away > APART * size).tolist():
             one, two = pins[owner[a[k]]], pins[owner[b[k]]]
             if (one.path, two.path) not in said:
                 said.add((one.path, two.path))
                 other = "once more by itself" if one is two else f"by {one.path} too"
-                yield error(two.path, f"it holds point {points[a[k]]} of {body.path}, which is held {other}, {away[k]:.3g} m "
-                            f"away at t = {t:g} s", "one place a point", "take the point out of one of them, or give both the "
-                            "same place, or one a finite stiffness")
+                yield thing_error(two.path,
+                                   f"it holds point {points[a[k]]} of {body.path}, which is held {other}, {away[k]:.3g} m "
+                                   f"away at t = {t:g} s", "one place a point",
+                                   "take the point out of one of them, or give both the "
+                                   "same place, or one a finite stiffness")
 
 
-def held_far(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
+def check_distant_pin_targets(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
     """Warns of each hard pin whose target for a point is farther from the start of the point than the body is large."""
     size = float(np.ptp(body.motion.points(body.points), axis=0).max())
     for pin in pins:
-        away = np.linalg.norm(_places(body, pin, 0.0) - body.motion.points(body.points[pin.points]), axis=1)
+        away = np.linalg.norm(_pinned_positions(body, pin, 0.0) - body.motion.points(body.points[pin.points]), axis=1)
         if away.max(initial=0.0) > size:
             k = int(np.argmax(away))
             far = f"it holds point {pin.points[k]} of {body.path} {away[k]:.3g} m from where it starts"
-            yield warning(pin.path, f"{far}, and the body is {size:.3g} m large: the point jumps there at once",
-                          "targets at or near the points' starts",
-                          "author physics:coords1 in the frame of physics:src1, in units of the stage")
+            yield object_warning(pin.path, f"{far}, and the body is {size:.3g} m large: the point jumps there at once",
+                                 "targets at or near the points' starts",
+                                 "author physics:coords1 in the frame of physics:src1, in units of the stage")
 
 
-def _times(pins: list[Pin]) -> list[float]:
+def _pin_check_times(pins: list[Pin]) -> list[float]:
     """Keys of their motions and the middles between [s], some of them where there are many."""
     keys = np.unique(np.concatenate([p.follows.skin.times if p.follows else p.motion.times for p in pins]))
     times = np.concatenate([keys, 0.5 * (keys[1:] + keys[:-1])])
     return times[:: -(-len(times) // TIMES)].tolist()
 
 
-def _places(body: Cloth | Springs | Soft, pin: Pin, t: float) -> np.ndarray:
+def _pinned_positions(body: Cloth | Springs | Soft, pin: Pin, t: float) -> np.ndarray:
     """Where a pin puts its points at a time [m], world, (k, 3)."""
     if pin.follows is not None:
         return pin.follows.over(np.array([t]))[0]

@@ -13,13 +13,20 @@ from math import inf
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
 from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
-from wsim.scene.check.objects import array, error, number, rigid, values, warning
+from wsim.scene.check.objects import (
+    check_number,
+    check_point_array,
+    check_rigid_motion,
+    check_table_values,
+    object_warning,
+    thing_error,
+)
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import carried, collides, every, moving, touches
+from wsim.scene.methods import each_method_object, has_collisions, has_method_objects, has_self_collision, method_colliders
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
@@ -27,112 +34,120 @@ STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their 
 
 
 @np.errstate(over="ignore", invalid="ignore")     # what is no number is reported
-def check(scene: Scene) -> list[Problem]:
+def check_scene(scene: Scene) -> list[Problem]:
     """Problems of a scene, errors first. Never raises for a bad scene, and does not change it."""
-    found = [*_settings(scene), *_paths(scene)]
+    found = [*_check_scene_settings(scene), *_check_prim_paths(scene)]
     for cloth in scene.cloths:
-        found += objects.cloth(cloth)
+        found += objects.check_cloth(cloth)
     for net in scene.springs:
-        found += objects.springs(net)
+        found += objects.check_spring_net(net)
     for soft in scene.softs:
         from wsim.scene.check import soft as check_soft
-        found += check_soft.soft(soft)
+        found += check_soft.check_soft_body(soft)
     for collider in scene.colliders:
-        found += objects.collider(collider)
+        found += objects.check_collider(collider)
     for pin in scene.pins:
-        found += _pin(pin, scene)
+        found += _check_pin(pin, scene)
     found += _without_skeleton(scene)
     for tie in scene.ties:
         from wsim.scene.check import ties
-        found += ties.tie(tie, scene)
+        found += ties.check_tie(tie, scene)
     for load in scene.loads:
         from wsim.scene.check import loads
-        found += loads.load(load, scene)
+        found += loads.check_load(load, scene)
     for thing in scene.varying:
         from wsim.scene.check import varying
-        found += varying.varying(thing, scene)
-    for row, thing in every(scene) if scene.others else ():
+        found += varying.check_varying_value(thing, scene)
+    for row, thing in each_method_object(scene) if scene.others else ():
         role = row.role("check")
-        found += [*objects.values(thing), *(role.check(thing, scene) if role else ())]
+        found += [*objects.check_table_values(thing), *(role.check(thing, scene) if role else ())]
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
-        found += [*_support(scene), *_damping(scene)]
+        found += [*_check_support(scene), *_check_sweep_damping(scene)]
         for body in scene.bodies():
-            found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
-        for row in dict.fromkeys(row for row, _ in every(scene)) if scene.others else ():
+            found += _check_held_points(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
+        for row in dict.fromkeys(row for row, _ in each_method_object(scene)) if scene.others else ():
             role = row.role("initial")
             found += role.check(scene) if role else ()
-        if scene.colliders or (scene.others and scene.bodies() and carried(scene)):
+        if scene.colliders or (scene.others and scene.bodies() and method_colliders(scene)):
             from wsim.scene.check import contact
-            found += contact.contacts(scene)
+            found += contact.check_contacts(scene)
     return sorted(found, key=lambda p: not p.fatal)
 
 
-def _settings(scene: Scene) -> Iterator[Problem]:
-    yield from number("/", "fps", scene.fps, 0.0, True, "author timeCodesPerSecond, 24 say")
-    yield from number("/", "start", scene.start, -inf, mend="author startTimeCode")
-    yield from number("/", "frames", scene.frames, 0, mend="give --frames, or author endTimeCode after startTimeCode")
-    yield from number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
-    yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
+def _check_scene_settings(scene: Scene) -> Iterator[Problem]:
+    yield from check_number("/", "fps", scene.fps, 0.0, True, "author timeCodesPerSecond, 24 say")
+    yield from check_number("/", "start", scene.start, -inf, mend="author startTimeCode")
+    yield from check_number("/", "frames", scene.frames, 0, mend="give --frames, or author endTimeCode after startTimeCode")
+    yield from check_number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
+    yield from check_number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
     for name in ("frames", "substeps", "iterations"):
         if getattr(scene, name) > MOST or getattr(scene, name) % 1:
-            yield error("/", f"{name} is {getattr(scene, name):g}", f"a whole number up to {MOST}", f"give another --{name}")
-    yield from values(scene)
+            yield thing_error("/", f"{name} is {getattr(scene, name):g}", f"a whole number up to {MOST}",
+                              f"give another --{name}")
+    yield from check_table_values(scene)
     if scene.contact_width > 0.0:
         for path in [c.path for c in scene.colliders if c.restitution > 0.0][:1]:
-            yield error(path, f"it has a restitution, and contact_width is {scene.contact_width:g} m: a smoothed contact gives "
-                        "back all energy", "one of the two", "leave out the restitution, or wsim:contactWidth")
-    yield from _method(scene)
+            yield thing_error(path, f"it has a restitution, and contact_width is {scene.contact_width:g} m: a smoothed "
+                              "contact gives back all energy", "one of the two",
+                              "leave out the restitution, or wsim:contactWidth")
+    yield from _check_solver_choice(scene)
     if scene.up not in ("Y", "Z"):
-        yield error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
+        yield thing_error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
     other = {"Y": "Z", "Z": "Y"}.get(scene.up, "")
     g = dict(zip("XYZ", scene.gravity, strict=False))
     if other and len(g) == 3 and g[other] < 0.0 and g["X"] == g[scene.up] == 0.0:
-        yield warning("/", f"gravity acts along -{other}, and {scene.up} is up",
-                      f"up = '{other}', or gravity along -{scene.up}", f"author upAxis = {other} on the stage "
-                      f"(Scene(up='{other}')), or leave gravity out: it is 9.81 m/s^2 against up")
+        yield object_warning("/", f"gravity acts along -{other}, and {scene.up} is up",
+                             f"up = '{other}', or gravity along -{scene.up}", f"author upAxis = {other} on the stage "
+                             f"(Scene(up='{other}')), or leave gravity out: it is 9.81 m/s^2 against up")
     size = float(np.linalg.norm(scene.gravity))
     if size > STRONG or 0.0 < size < WEAK:
-        yield warning("/", f"gravity is {size:.3g} m/s^2", "9.81 or so",
-                      "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
+        yield object_warning("/", f"gravity is {size:.3g} m/s^2", "9.81 or so",
+                             "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
 
 
-def _method(scene: Scene) -> Iterator[Problem]:
+def _check_solver_choice(scene: Scene) -> Iterator[Problem]:
     """Solver and integrator: known, and made for each other."""
     for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, ("auto", *TABLE))):
         if found not in allowed:
-            yield error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
+            yield thing_error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return
     if scene.softs and scene.solver == "xpbd":
-        yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
-                    "choose one of them")
+        yield thing_error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made",
+                           ", ".join(SOFT_SOLVERS), "choose one of them")
     named = TABLE.get(scene.integrator)
-    if touches(scene) and named and named.solves > 1:
+    if has_self_collision(scene) and named and named.solves > 1:
         path = next(body.path for body in scene.bodies() if getattr(body, "self_collision", False))
-        yield error(path, f"it has wsim:selfCollision, and integrator {named.name} solves twice a step: what touches is proven "
-                    "where a step of one solution ends", "backward_euler, bdf2, implicit_midpoint or an explicit one",
-                    "choose one of them, or leave wsim:selfCollision out")
-    elif (scene.colliders or carried(scene)) and named and named.rebounds:
+        yield thing_error(path, f"it has wsim:selfCollision, and integrator {named.name} solves twice a step: what touches is "
+                                 f"proven "
+                           "where a step of one solution ends", "backward_euler, bdf2, implicit_midpoint or an explicit one",
+                           "choose one of them, or leave wsim:selfCollision out")
+    elif (scene.colliders or method_colliders(scene)) and named and named.rebounds:
         said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
-        if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
-            yield warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others, "name one of them")
+        if scene.bodies() and method_colliders(scene):   # bodies that touch points: `wsim.simulation.choice` takes BDF2
+            yield object_warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others,
+                                 "name one of them")
         elif named.solves > 1:
-            yield error("/", f"{said} colliders", f"implicit_midpoint, {others}", "choose one of them")
+            yield thing_error("/", f"{said} colliders", f"implicit_midpoint, {others}", "choose one of them")
         elif scene.contact_width > 0.0:
-            yield error("/", f"contact_width is {scene.contact_width:g} m, and integrator {scene.integrator} has hard contacts "
-                        "alone, which act where its steps end", others, "choose one of them, or leave wsim:contactWidth out")
+            yield thing_error("/", f"contact_width is {scene.contact_width:g} m, and integrator {scene.integrator} has hard "
+                                    f"contacts "
+                               "alone, which act where its steps end", others,
+                               "choose one of them, or leave wsim:contactWidth out")
     if scene.solver == "xpbd" and scene.contact_width > 0.0 and scene.colliders:
-        yield warning("/", f"contact_width is {scene.contact_width:g} m, and steps of solver xpbd damp: of a bounce they give "
-                      "back 0.78 of the speed with 4 substeps, say, and 0.97 with 40", "solver explicit, which gives back all",
-                      "choose it, or more substeps, or leave wsim:contactWidth out")
+        yield object_warning("/", f"contact_width is {scene.contact_width:g} m, and steps of solver xpbd damp: of a bounce "
+                                  f"they give "
+                             "back 0.78 of the speed with 4 substeps, say, and 0.97 with 40",
+                             "solver explicit, which gives back all",
+                             "choose it, or more substeps, or leave wsim:contactWidth out")
     if "auto" in (scene.solver, scene.integrator):
         return
     fits = [name for name, m in TABLE.items() if m.explicit == (scene.solver == "explicit")]
     if scene.integrator not in fits:
-        yield error("/", f"integrator {scene.integrator} is none of solver {scene.solver}", ", ".join(("auto", *fits)),
-                    "name one of them, or leave one of the two on auto")
+        yield thing_error("/", f"integrator {scene.integrator} is none of solver {scene.solver}", ", ".join(("auto", *fits)),
+                           "name one of them, or leave one of the two on auto")
 
 
-def _damping(scene: Scene) -> Iterator[Problem]:
+def _check_sweep_damping(scene: Scene) -> Iterator[Problem]:
     """Sweeps move by 1 / (1 + damping / h) of what they would: past a substep or so they no longer converge in time."""
     if scene.fps <= 0.0 or scene.substeps < 1:
         return
@@ -141,41 +156,43 @@ def _damping(scene: Scene) -> Iterator[Problem]:
     for body in swept:
         damping = body.material.damping if isinstance(body, Cloth) else body.damping
         if damping > 4.0 * h:
-            yield warning(body.path, f"damping is {damping:g} s, {damping / h:.0f} substeps of {h:g} s: it slows the solver's "
-                          "sweeps as many times", f"{4.0 * h:.2g} s or less", "give fewer substeps or less damping; "
-                          "backward Euler damps by itself")
+            yield object_warning(body.path,
+                                 f"damping is {damping:g} s, {damping / h:.0f} substeps of {h:g} s: it slows the solver's "
+                                 "sweeps as many times", f"{4.0 * h:.2g} s or less", "give fewer substeps or less damping; "
+                                 "backward Euler damps by itself")
 
 
-def _paths(scene: Scene) -> Iterator[Problem]:
-    if not scene.bodies() and not moving(scene):
-        yield error("/", "nothing here can move: no cloth, springs, soft body, rods, rigid body, smoke or liquid",
-                    "at least one", "add one, as by scene.cloth(...); in USD, `wsim new cloth MESH -o SCENE` shows how")
+def _check_prim_paths(scene: Scene) -> Iterator[Problem]:
+    if not scene.bodies() and not has_method_objects(scene):
+        yield thing_error("/", "nothing here can move: no cloth, springs, soft body, rods, rigid body, smoke or liquid",
+                           "at least one", "add one, as by scene.cloth(...); in USD, `wsim new cloth MESH -o SCENE` shows how")
     skins = [skin for soft in scene.softs for skin in soft.skins]
     named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
-                   *(thing for _, thing in every(scene))]
+                   *(thing for _, thing in each_method_object(scene))]
     for path, n in Counter(thing.path for thing in named if not getattr(thing, "shares_path", False)).items():
         if n > 1:
-            yield error(path, f"{n} objects have this path", "one", "give each its own")
+            yield thing_error(path, f"{n} objects have this path", "one", "give each its own")
         if not path.startswith("/") or path == "/":
-            yield error(path, "this is no prim path", "an absolute path such as /World/cloth", "begin it with /")
+            yield thing_error(path, "this is no prim path", "an absolute path such as /World/cloth", "begin it with /")
 
 
-def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
+def _check_pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     path = pin.path
-    yield from values(pin)
-    yield from array(path, "places", pin.places, (len(pin.points),))
-    yield from rigid(path, pin.motion, "take the scale out of the xform that the pin hangs on")
+    yield from check_table_values(pin)
+    yield from check_point_array(path, "places", pin.places, (len(pin.points),))
+    yield from check_rigid_motion(path, pin.motion, "take the scale out of the xform that the pin hangs on")
     if len(pin.points) == 0:
-        yield warning(path, "it holds no points", "at least one", "name points, or remove the pin")
+        yield object_warning(path, "it holds no points", "at least one", "name points, or remove the pin")
     body = next((b for b in scene.bodies() if b.path == pin.body), None)
     if body is None:
         names = ", ".join(b.path for b in scene.bodies()[:5]) or "none, the scene has no body"
-        yield error(path, f"it holds '{pin.body}', which is no cloth, spring net or soft body here", names, "name one of them")
+        yield thing_error(path, f"it holds '{pin.body}', which is no cloth, spring net or soft body here", names,
+                           "name one of them")
         return
     bad = (pin.points < 0) | (pin.points >= len(body.points))
     if bad.any():
-        yield error(path, f"it holds point {pin.points[np.argmax(bad)]} of {pin.body}", f"0 to {len(body.points) - 1}",
-                    "count from 0, in the order of the mesh's points")
+        yield thing_error(path, f"it holds point {pin.points[np.argmax(bad)]} of {pin.body}", f"0 to {len(body.points) - 1}",
+                           "count from 0, in the order of the mesh's points")
 
 
 def _without_skeleton(scene: Scene) -> Iterator[Problem]:
@@ -185,40 +202,40 @@ def _without_skeleton(scene: Scene) -> Iterator[Problem]:
     there = [id(bones) for bones in scene.things("Skeleton")]
     for path, skin in skins:
         if hasattr(skin, "skeleton") and id(skin.skeleton) not in there:
-            yield error(path, f"it follows {skin.skeleton.path}, which is not in the scene", "a skeleton of the scene",
-                        "add it: scene.add(bones)")
+            yield thing_error(path, f"it follows {skin.skeleton.path}, which is not in the scene", "a skeleton of the scene",
+                               "add it: scene.add(bones)")
 
 
-def _held(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
+def _check_held_points(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
     """Points that these pins hold hard far from where they start, or more than once at more than one place."""
     if not pins:
         return []
-    from wsim.scene.check.pins import held_far, held_twice
+    from wsim.scene.check.pins import check_conflicting_pins, check_distant_pin_targets
     points = np.concatenate([p.points for p in pins])
     twice = len(np.unique(points)) < len(points)
-    return [*held_far(body, pins), *(held_twice(body, pins) if twice else ())]
+    return [*check_distant_pin_targets(body, pins), *(check_conflicting_pins(body, pins) if twice else ())]
 
 
-def _pieces(body: Cloth | Springs | Soft) -> np.ndarray:
+def _connected_piece_labels(body: Cloth | Springs | Soft) -> np.ndarray:
     """Label of the connected piece of each point, shape (n,); -1 for points of no face, spring or tet."""
     n, used = len(body.points), np.zeros(len(body.points), bool)
     if isinstance(body, Springs):
         edges, corners = body.edges, body.edges.reshape(-1)
     elif isinstance(body, Soft):
         from wsim.geometry.tetra import tets
-        edges, corners = tets.edges(body.tets), body.tets.reshape(-1)
+        edges, corners = tets.edges_of_tets(body.tets), body.tets.reshape(-1)
     else:
-        triangles = triangulate(body.points, body.counts, body.indices)[0]
-        edges, corners = topology.edges(triangles), body.indices
+        triangles = triangulate_polygons(body.points, body.counts, body.indices)[0]
+        edges, corners = topology.edges_of_triangles(triangles), body.indices
         if body.weld > 0.0:                       # a duplicate of a seam goes with the particle that it is welded to
-            particle = topology.weld(body.motion.points(body.points), body.weld)
+            particle = topology.weld_points(body.motion.points(body.points), body.weld)
             first = np.unique(particle, return_index=True)[1]
             edges = np.concatenate([edges, np.stack([np.arange(n), first[particle]], axis=1)])
     used[corners] = True
-    return np.where(used, topology.islands(n, edges), -1)
+    return np.where(used, topology.labels_of_islands(n, edges), -1)
 
 
-def _support(scene: Scene) -> Iterator[Problem]:
+def _check_support(scene: Scene) -> Iterator[Problem]:
     """What keeps each body from falling: pins that leave something free, or colliders; and no loose pieces."""
     falls = bool(np.any(np.asarray(scene.gravity) != 0.0))
     for body in scene.bodies():
@@ -227,23 +244,24 @@ def _support(scene: Scene) -> Iterator[Problem]:
         for pin in (p for p in scene.pins if p.body == path):
             held[pin.points] = True
             hard[pin.points] |= pin.stiffness == inf
-        label = _pieces(body)
+        label = _connected_piece_labels(body)
         moved = np.arange(n) if isinstance(body, Springs) else np.where(label >= 0)[0]    # others move nothing
         if hard[moved].all():
-            yield error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
-                        "pin fewer points, or make it a collider")
+            yield thing_error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
+                               "pin fewer points, or make it a collider")
         for tie in scene.ties:                    # what hangs on another is held as well as that is
             if path in (tie.body, tie.other):
                 held[tie.points if tie.body == path else tie.others] = True
-        if falls and not held.any() and not collides(scene):
-            yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
-                          "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
+        if falls and not held.any() and not has_collisions(scene):
+            yield object_warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
+                                 "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
         pieces = np.unique(label[label >= 0])
         loose = np.setdiff1d(pieces, label[held])
         if len(pieces) > 1 and len(loose):
-            yield warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
-                          "one piece, or pieces meant to fall apart",
-                          "make their points shared ones, pin each of them, or split the mesh" if isinstance(body, Soft) else
-                          "sew them (weld: a distance), pin each of them, or split the mesh")
+            yield object_warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
+                                 "one piece, or pieces meant to fall apart",
+                                 "make their points shared ones, pin each of them, or split the mesh"
+                                 if isinstance(body, Soft) else
+                                 "sew them (weld: a distance), pin each of them, or split the mesh")
         if isinstance(body, Springs) and (label < 0).any():
-            yield warning(path, f"{(label < 0).sum()} points belong to no spring", "none", "remove them")
+            yield object_warning(path, f"{(label < 0).sum()} points belong to no spring", "none", "remove them")

@@ -6,12 +6,12 @@ import weakref
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Cloth, Collider, Problem, Scene, Surface
 from wsim.scene.check.chord import CREASE
-from wsim.scene.check.objects import warning
-from wsim.scene.check.signed_distance import closed
-from wsim.scene.methods import carried
+from wsim.scene.check.objects import object_warning
+from wsim.scene.check.signed_distance import is_closed_mesh
+from wsim.scene.methods import method_colliders
 from wsim.scene.solids import Box, Cone, Cylinder
 
 EDGED = 2.5            # creases [m] / root of the area [m]: a cube has 4.9, a cylinder 3; a body with a few cuts is
@@ -19,32 +19,32 @@ EDGED = 2.5            # creases [m] / root of the area [m]: a cube has 4.9, a c
 KNOWN: dict[int, tuple[weakref.ref, bool]] = {}         # of meshes, which plans ask for several times
 
 
-def sharp(collider: Collider) -> bool:
+def has_sharp_edges(collider: Collider) -> bool:
     """True if a collider has edges or corners that may stand out of a sheet between its points; not a mesh that deforms."""
     shape = collider.shape
     if isinstance(shape, Surface):
-        return shape.poses is None and _creased(shape)
+        return shape.poses is None and _is_creased_mesh(shape)
     return isinstance(shape, (Box, Cylinder, Cone))
 
 
-def _creased(surface: Surface) -> bool:
+def _is_creased_mesh(surface: Surface) -> bool:
     """True if a mesh is closed, and edges that bend outward by more than CREASE are what it is made of."""
     known = KNOWN.get(id(surface))
     if known is None or known[0]() is not surface:
-        known = KNOWN[id(surface)] = weakref.ref(surface), _folded(surface)
+        known = KNOWN[id(surface)] = weakref.ref(surface), _find_creases(surface)
     return known[1]
 
 
-def _folded(surface: Surface) -> bool:
+def _find_creases(surface: Surface) -> bool:
     points = surface.points.astype(np.float64)
-    triangles, _ = triangulate(surface.points, surface.counts, surface.indices)
-    if not len(triangles) or not closed(points, triangles):
+    triangles, _ = triangulate_polygons(surface.points, surface.counts, surface.indices)
+    if not len(triangles) or not is_closed_mesh(points, triangles):
         return False
-    place = topology.weld(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))
+    place = topology.weld_points(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))
     faces = place[triangles]
     first = np.zeros((place.max() + 1, 3))
     first[place] = points
-    hinge = topology.hinges(faces.astype(np.int32))
+    hinge = topology.hinges_of_triangles(faces.astype(np.int32))
     a, b, c, d = (first[hinge[:, k]] for k in range(4))
     m, n = np.cross(b - a, c - a), np.cross(a - b, d - b)
     angle = np.arctan2(np.linalg.norm(np.cross(m, n), axis=1), (m * n).sum(axis=1))
@@ -61,32 +61,35 @@ def has_edges(body) -> bool:
     return isinstance(body, Cloth) and not body.self_collision
 
 
-def meets(scene: Scene) -> bool:
+def has_edge_contacts(scene: Scene) -> bool:
     """True if a cloth of a scene meets a sharp collider by its edges, in runs without gradients by sweeps or explicit steps."""
-    return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(sharp, solids(scene)))
+    return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(has_sharp_edges,
+                                                                                        point_contact_colliders(scene)))
 
 
-def solids(scene: Scene) -> list[Collider]:
+def point_contact_colliders(scene: Scene) -> list[Collider]:
     """Colliders of a scene, and those of its rigid bodies that meet points."""
-    return [*scene.colliders, *carried(scene)]
+    return [*scene.colliders, *method_colliders(scene)]
 
 
 def warn_of_gradients(scene: Scene) -> Problem:
-    """What a run with gradients says of a scene that `meets`: its cloths meet colliders by points alone."""
-    cloth, collider = _one_of_each(scene)
-    return warning(cloth, f"its edges meet {collider} without gradients, and not in this simulation with gradients=True, where "
-                   "points alone meet it: contacts of edges have no derivative, and the two differ",
-                   "a collider without sharp edges", "round it, or compare with a simulation that has gradients=True too")
+    """What a run with gradients says of a scene that `has_edge_contacts`: its cloths meet colliders by points alone."""
+    cloth, collider = _sharp_contact_example(scene)
+    return object_warning(cloth,
+                          f"its edges meet {collider} without gradients, and not in this simulation with gradients=True, where "
+                          "points alone meet it: contacts of edges have no derivative, and the two differ",
+                          "a collider without sharp edges",
+                          "round it, or compare with a simulation that has gradients=True too")
 
 
 def warn_of_newton(scene: Scene) -> Problem:
-    """What a run by Newton's method says of a scene that `meets`."""
-    cloth, collider = _one_of_each(scene)
-    return warning(cloth, f"its points alone meet {collider} by wsim:solver = implicit, and sharp edges may stand out "
-                   "of the cloth between them", "explicit, xpbd or auto, by which its edges meet it too",
-                   "name one of these, or turn wsim:selfCollision on")
+    """What a run by Newton's method says of a scene that `has_edge_contacts`."""
+    cloth, collider = _sharp_contact_example(scene)
+    return object_warning(cloth, f"its points alone meet {collider} by wsim:solver = implicit, and sharp edges may stand out "
+                          "of the cloth between them", "explicit, xpbd or auto, by which its edges meet it too",
+                          "name one of these, or turn wsim:selfCollision on")
 
 
-def _one_of_each(scene: Scene) -> tuple[str, str]:
+def _sharp_contact_example(scene: Scene) -> tuple[str, str]:
     """Paths of a cloth and of a sharp collider."""
-    return next(filter(has_edges, scene.cloths)).path, next(filter(sharp, solids(scene))).path
+    return next(filter(has_edges, scene.cloths)).path, next(filter(has_sharp_edges, point_contact_colliders(scene))).path

@@ -9,7 +9,7 @@ of a mesh is faster than the fastest of its triangles alone (Irons, Treharne 197
 
 import numpy as np
 
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Cloth, Problem, Scene
 
 FEW = 5                # faces that are named
@@ -17,9 +17,9 @@ WORSE = 4.0            # times the median frequency from which the fastest trian
 FAR_WORSE = 10.0       # that takes more substeps than its scene names
 
 
-def frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
+def triangle_frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
     """Frequency of each triangle at rest [rad/s], and its face, both (t,); infinite without an area."""
-    triangles, face = triangulate(cloth.points, cloth.counts, cloth.indices)
+    triangles, face = triangulate_polygons(cloth.points, cloth.counts, cloth.indices)
     p = cloth.motion.points(cloth.points if cloth.rest_points is None else cloth.rest_points, 0.0)[triangles]
     edges = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]                    # opposite of each corner; |g_k| = |edge_k| / (2 area)
     twice = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -31,23 +31,23 @@ def frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
         return np.sqrt(fabric * top) / twice, face
 
 
-def slow(scene: Scene, steps: int) -> list[Problem]:
+def warn_of_slivers(scene: Scene, steps: int) -> list[Problem]:
     """Warnings of cloths whose fastest triangles are FAR_WORSE than their median, where a frame takes so many steps, more than
     the scene names."""
     return [Problem(path, f"a frame takes {steps} substeps, the scene names {scene.substeps}: {text}", False)
-            for path, text in worst(scene, FAR_WORSE)]
+            for path, text in worst_triangles(scene, FAR_WORSE)]
 
 
-def told(scene: Scene) -> list[str]:
+def describe_slivers(scene: Scene) -> list[str]:
     """Words about what the worst triangles of each cloth do to explicit steps."""
-    return [f"{path}: {text}" for path, text in worst(scene, WORSE)]
+    return [f"{path}: {text}" for path, text in worst_triangles(scene, WORSE)]
 
 
-def worst(scene: Scene, worse: float) -> list[tuple[str, str]]:
+def worst_triangles(scene: Scene, worse: float) -> list[tuple[str, str]]:
     """Path of each cloth some triangles of which are over so many times as fast as the median one, and words about them."""
     texts = []
     for cloth in scene.cloths:
-        omega, face = frequencies(cloth)
+        omega, face = triangle_frequencies(cloth)
         if not len(omega):
             continue
         top, median = float(omega.max()), float(np.median(omega))

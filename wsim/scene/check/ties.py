@@ -6,54 +6,55 @@ from math import isfinite
 import numpy as np
 
 from wsim.scene import Cloth, Problem, Scene, Soft, Tie
-from wsim.scene.check.objects import error
+from wsim.scene.check.objects import thing_error
 
 APART = 1e-4       # of the soft body's size, by which points that are to be one may stand apart
 
 
-def tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
+def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     """Problems of a tie. Positions are compared in the world at the start."""
     path, bodies = thing.path, {b.path: b for b in scene.bodies()}
     for name in (thing.body, thing.other):
         if name not in bodies:
-            yield error(path, f"it ties '{name}', which is no cloth, spring net or soft body here",
-                        ", ".join(list(bodies)[:5]) or "none, the scene has no body", "name one of them")
+            yield thing_error(path, f"it ties '{name}', which is no cloth, spring net or soft body here",
+                               ", ".join(list(bodies)[:5]) or "none, the scene has no body", "name one of them")
             return
     body, other = bodies[thing.body], bodies[thing.other]
     if not isinstance(other, Soft) or body is other:
-        yield error(path, f"it ties {thing.body} to {thing.other}", "a body and another that is soft",
-                    "name the soft body second")
+        yield thing_error(path, f"it ties {thing.body} to {thing.other}", "a body and another that is soft",
+                           "name the soft body second")
         return
     if len(thing.points) != len(thing.others) or not len(thing.points):
-        yield error(path, f"{len(thing.points)} points of {thing.body}, {len(thing.others)} of {thing.other}",
-                    "as many, at least one", "give each point its partner, in order")
+        yield thing_error(path, f"{len(thing.points)} points of {thing.body}, {len(thing.others)} of {thing.other}",
+                           "as many, at least one", "give each point its partner, in order")
         return
     for b, points in ((body, thing.points), (other, thing.others)):
         bad = (points < 0) | (points >= len(b.points))
         if bad.any():
-            yield error(path, f"it names point {points[np.argmax(bad)]} of {b.path}", f"0 to {len(b.points) - 1}",
-                        "count from 0, in the order of the mesh's points")
+            yield thing_error(path, f"it names point {points[np.argmax(bad)]} of {b.path}", f"0 to {len(b.points) - 1}",
+                               "count from 0, in the order of the mesh's points")
             return
     twice = np.flatnonzero(np.bincount(thing.points) > 1)
     if len(twice):
-        yield error(path, f"point {twice[0]} of {thing.body} has more than one partner", "one", "name each point once")
+        yield thing_error(path, f"point {twice[0]} of {thing.body} has more than one partner", "one", "name each point once")
     if isinstance(body, Soft) and (body.quadratic or other.quadratic):
-        yield error(thing.body, f"it shares points with {thing.other}, and one of them is quadratic",
-                    "soft bodies of linear tets",
-                    "leave wsim:quadratic off: middles of edges are not shared yet")
+        yield thing_error(thing.body, f"it shares points with {thing.other}, and one of them is quadratic",
+                           "soft bodies of linear tets",
+                           "leave wsim:quadratic off: middles of edges are not shared yet")
     if isinstance(body, Cloth) and (body.tethers or isfinite(body.material.strain_limit)):
         what = "tethers" if body.tethers else "a strain limit"
-        yield error(thing.body, f"it shares points with {thing.other} and has {what}",
-                    "a cloth without", "leave it out: both are projected for a body by itself")
-    yield from _together(thing, body, other)
+        yield thing_error(thing.body, f"it shares points with {thing.other} and has {what}",
+                           "a cloth without", "leave it out: both are projected for a body by itself")
+    yield from _check_tied_points_meet(thing, body, other)
 
 
-def _together(thing: Tie, body, other) -> Iterator[Problem]:
+def _check_tied_points_meet(thing: Tie, body, other) -> Iterator[Problem]:
     a, b = (x.motion.points(x.points)[p] for x, p in ((body, thing.points), (other, thing.others)))
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         return                                                    # said of the bodies themselves
     away, size = np.linalg.norm(a - b, axis=1), float(np.ptp(other.motion.points(other.points), axis=0).max())
     if away.max() > APART * size:
         k = int(np.argmax(away))
-        yield error(thing.path, f"point {thing.points[k]} of {thing.body} is {away[k]:.3g} m from point {thing.others[k]} of "
-                    f"{thing.other}", f"the same place, to {APART * size:.2g} m", "move one to the other")
+        yield thing_error(thing.path,
+                           f"point {thing.points[k]} of {thing.body} is {away[k]:.3g} m from point {thing.others[k]} of "
+                           f"{thing.other}", f"the same place, to {APART * size:.2g} m", "move one to the other")

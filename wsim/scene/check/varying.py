@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import Cloth, Problem, Scene, Soft, Springs, Varying
-from wsim.scene.check.objects import error
-from wsim.scene.methods import named
-from wsim.scene.nodal.masses import density_of
+from wsim.scene.check.objects import thing_error
+from wsim.scene.methods import object_at_path
+from wsim.scene.nodal.masses import single_density
 from wsim.scene.values import table
-from wsim.scene.values.value import Value, holder
+from wsim.scene.values.value import ValueRow, value_holder
 
 # what a value needs at the start of a scene to do anything: why it does nothing, in words, "" where it does
 NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
@@ -22,11 +22,11 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
     "throws": lambda thing, name, scene: "" if any(c.restitution for c in scene.colliders) else
     "no collider throws back at the start",
     "apart": lambda thing, name, scene: "points are shared" if scene.ties else "",
-    "mass": lambda thing, name, scene: "" if density_of(thing) is not None and not scene.ties else
+    "mass": lambda thing, name, scene: "" if single_density(thing) is not None and not scene.ties else
     "the masses do not follow it: they are authored, or materials differ, or points are shared",
-    "start": lambda thing, name, scene: "" if getattr(holder(thing, name), name) else
+    "start": lambda thing, name, scene: "" if getattr(value_holder(thing, name), name) else
     "it is 0 at the start, so that nothing of it runs",
-    "finite": lambda thing, name, scene: "" if isfinite(getattr(holder(thing, name), name)) else
+    "finite": lambda thing, name, scene: "" if isfinite(getattr(value_holder(thing, name), name)) else
     "it is infinite at the start, so that nothing of it runs",
     "alone": lambda thing, name, scene: "it has more than one material" if isinstance(thing, Soft) and thing.others else "",
     "membrane": lambda thing, name, scene: "" if thing.model == "membrane" else "the model 'springs' has none",
@@ -39,62 +39,64 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
 }
 
 
-def painted(cloth: Cloth, name: str) -> bool:
+def has_painted_stiffness(cloth: Cloth, name: str) -> bool:
     """True if the faces of a cloth have their own values of a stiffness, so that the material's does not count."""
     return (cloth.bends if name == "bend" else cloth.stretches if name in ("stretch", "shear", "weft") else None) is not None
 
 
-def idle(row: Value, thing, scene: Scene) -> str:
+def idle_value_reason(row: ValueRow, thing, scene: Scene) -> str:
     """Reason why a value of an object does nothing while the scene runs, in words; "" where it does."""
     return next((reason for need in row.needs if (reason := NEEDS[need](thing, row.name, scene))), "")
 
 
-def fixed(path: str, name: str, scene: Scene) -> str:
+def fixed_value_reason(path: str, name: str, scene: Scene) -> str:
     """Reason why a value cannot vary while the scene runs, in words; "" where it can."""
-    thing = named(scene, path)
+    thing = object_at_path(scene, path)
     if thing is None:
         return "nothing of that path is simulated"
     owner = type(thing).__name__
-    row = table.of(owner).get(name)
+    row = table.values_of_class(owner).get(name)
     if row is None or not row.varies:
-        return f"it is fixed while a scene runs (what may vary there: {', '.join(table.varying(owner)) or 'none'})"
-    if isinstance(thing, Cloth) and painted(thing, name):
+        return f"it is fixed while a scene runs (what may vary there: {', '.join(table.varying_value_names(owner)) or 'none'})"
+    if isinstance(thing, Cloth) and has_painted_stiffness(thing, name):
         return "its faces have values of their own"
-    return idle(row, thing, scene)
+    return idle_value_reason(row, thing, scene)
 
 
-def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
+def check_varying_value(thing: Varying, scene: Scene) -> Iterator[Problem]:
     """Problems of a value that varies in time."""
-    if reason := fixed(thing.path, thing.name, scene):
-        yield error(thing.path, f"{thing.name} varies in time, and {reason}", "a value that is live", "author one value")
+    if reason := fixed_value_reason(thing.path, thing.name, scene):
+        yield thing_error(thing.path, f"{thing.name} varies in time, and {reason}", "a value that is live", "author one value")
         return
-    values, owner = np.asarray(thing.curve.values), named(scene, thing.path)
-    row = table.of(type(owner).__name__)[thing.name]
+    values, owner = np.asarray(thing.curve.values), object_at_path(scene, thing.path)
+    row = table.values_of_class(type(owner).__name__)[thing.name]
     shape = (3,) if row.form == "vector" else ()
     if hasattr(owner, "driven") and len(owner.driven()) > 1:               # a joint: a number for each of its drives
         shape = (len(owner.driven()),)
     if thing.name == "stiffness" and isinstance(owner, Springs):
         shape = values.shape[1:] if values.shape[1:] in ((1,), (len(owner.edges),)) else shape
     if values.shape[1:] != shape or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
-        yield error(thing.path, f"{thing.name} has keys of shape {values.shape[1:]}"
-                    + ("" if values.dtype.kind in "fiu" and np.isfinite(values).all() else " that are not all finite"),
-                    f"finite numbers of shape {shape}", "author its samples again")
+        yield thing_error(thing.path, f"{thing.name} has keys of shape {values.shape[1:]}"
+                           + ("" if values.dtype.kind in "fiu" and np.isfinite(values).all() else " that are not all finite"),
+                           f"finite numbers of shape {shape}", "author its samples again")
     elif not np.isfinite(thing.curve.times).all():
-        yield error(thing.path, f"{thing.name} has times that are not finite", "finite ones", "author its samples again")
+        yield thing_error(thing.path, f"{thing.name} has times that are not finite", "finite ones", "author its samples again")
     elif len(bad := values[~row.range.holds(values)]):
-        yield error(thing.path, row.range.wrong(thing.name, bad[0]), "that range at every key", "author that sample again")
-    elif not thing.curve.plain and len(bad := (read := frames(thing, scene))[~row.range.holds(read)]):
-        yield error(thing.path, f"{row.range.wrong(thing.name, bad[0])}; a curve of kind {thing.curve.kind} leaves that range "
-                    "between its keys or outside of them", "that range at every frame",
-                    "take kind monotone, which stays between its keys, or hold it outside of them")
+        yield thing_error(thing.path, row.range.wrong(thing.name, bad[0]), "that range at every key",
+                           "author that sample again")
+    elif not thing.curve.plain and len(bad := (read := values_at_frames(thing, scene))[~row.range.holds(read)]):
+        yield thing_error(thing.path,
+                           f"{row.range.wrong(thing.name, bad[0])}; a curve of kind {thing.curve.kind} leaves that range "
+                           "between its keys or outside of them", "that range at every frame",
+                           "take kind monotone, which stays between its keys, or hold it outside of them")
 
 
-def frames(thing: Varying, scene: Scene) -> np.ndarray:
+def values_at_frames(thing: Varying, scene: Scene) -> np.ndarray:
     """Values that the frames of a scene have, those at their middles."""
     return thing.curve.sampled((np.arange(max(scene.frames, 1)) + 0.5) / scene.fps)
 
 
-def unfit(scene: Scene, what: str, path: str) -> list[Problem]:
+def unfittable_parameter(scene: Scene, what: str, path: str) -> list[Problem]:
     """Reason why a parameter of a fit, of one object or of all (""), cannot be one number."""
     names = table.PARTS.get(what, (what,))
     return [Problem(v.path, f"{v.name} varies in time, and a fit finds one value; author one value, or leave {what} out")

@@ -18,7 +18,7 @@ EXACT = 1e-10                        # of the whole length, to which integrals a
 MOST = 4096                          # keys of an even curve
 
 
-class Arc:
+class ArcLength:
     """The length along a path. Raises ValueError for a curve without length.
 
     curve     places over time, values (keys, n) [m], or a `Motion`: the way of its origin
@@ -104,14 +104,14 @@ def evenly(path: Curve, pace: Curve | None = None, accuracy: float = 1e-6) -> Cu
     pace        part of the whole length over time, values (keys,) in 0 .. 1; None: evenly from the first key to the last
     accuracy    of the length gone at any time, as a part of the whole
     """
-    arc = Arc(path)
+    arc = ArcLength(path)
     pace = pace or Curve([path.times[0], path.times[-1]], [0.0, 1.0])
     low, high = pace.bounds()
     if pace.values.ndim != 1 or low < -1e-9 or high > 1.0 + 1e-9:
         raise ValueError(f"a pace goes from 0 to 1, one number a key, not from {np.min(low):g} to {np.max(high):g}")
     parts = 4
     while True:
-        found = _keyed(path, arc, pace, parts)
+        found = _resample_at_pace(path, arc, pace, parts)
         middle = 0.5 * (found.times[:-1] + found.times[1:])
         off = (found.path if isinstance(found, Motion) else found).sampled(middle) - arc.at(arc.whole * pace.sampled(middle))
         if np.linalg.norm(off, axis=-1).max() <= accuracy * arc.whole or len(found.times) > MOST:
@@ -119,11 +119,11 @@ def evenly(path: Curve, pace: Curve | None = None, accuracy: float = 1e-6) -> Cu
         parts = 2 * parts
 
 
-def _keyed(path: Curve, arc: Arc, pace: Curve, parts: int) -> Curve:
+def _resample_at_pace(path: Curve, arc: ArcLength, pace: Curve, parts: int) -> Curve:
     """By keys at `parts` equal steps of each piece of the pace, and where it passes the path's own keys."""
     ends = zip(pace.times[:-1], pace.times[1:], strict=True)
     own = np.unique(np.concatenate([np.linspace(a, b, parts + 1) for a, b in ends]))
-    passed = _passes(pace, arc.length(path.times) / arc.whole, own)
+    passed = _pace_passing_times(pace, arc.length(path.times) / arc.whole, own)
     times = np.unique(np.concatenate([own, passed]))
     times = times[np.concatenate([[True], np.diff(times) > 1e-9 * (times[-1] - times[0])])]
     at = arc.time(arc.whole * pace.sampled(times))
@@ -136,7 +136,7 @@ def _keyed(path: Curve, arc: Arc, pace: Curve, parts: int) -> Curve:
     return Motion(times, path.sampled(at), "hermite", **how)
 
 
-def _passes(pace: Curve, parts: np.ndarray, times: np.ndarray) -> np.ndarray:
+def _pace_passing_times(pace: Curve, parts: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Times between those given at which the pace first reaches some parts, by bisection: there the path has a key."""
     values, found = pace.sampled(times), []
     for part in parts[1:-1]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # What is linear between keys and held outside needs this file alone: the others are imported by what they are for.
 
 
-def keyed(times, values) -> tuple[np.ndarray, np.ndarray]:
+def checked_keys(times, values) -> tuple[np.ndarray, np.ndarray]:
     """Times (keys,) and values (keys, ...) as arrays. Raises ValueError where they are no keys of a curve."""
     times, values = np.atleast_1d(np.asarray(times, np.float64)), np.asarray(values)
     if values.ndim == 0 or len(times) != len(values) or len(times) == 0:
@@ -59,12 +59,12 @@ class Curve:
     """
 
     def __init__(self, times, values, kind: str = "linear", before="held", after="held", **how):
-        self.times, self.values = keyed(times, values)
+        self.times, self.values = checked_keys(times, values)
         self.kind, self.before, self.after, self.how = kind, before, after, how
         if not self.plain or how:
             from wsim.scene.curve import given
             self.values = self.values.astype(np.float64)
-            self.how = given.completed(self)
+            self.how = given.complete_curve_fields(self)
         self.made: Any = None                # pieces and slopes, once asked for
 
     @property
@@ -109,11 +109,11 @@ class Curve:
 
     def sampled(self, t) -> np.ndarray:
         """Values at times (n,) [s], (n, ...)."""
-        return _evaluate().found(self, np.atleast_1d(np.asarray(t, np.float64)))[0]
+        return _evaluate_module().found(self, np.atleast_1d(np.asarray(t, np.float64)))[0]
 
     def rate(self, t) -> np.ndarray:
         """Derivatives at times (n,) [s], (n, ...), the unit a second: at a key the one behind it, 0 where it is held."""
-        return _evaluate().found(self, np.atleast_1d(np.asarray(t, np.float64)))[1]
+        return _evaluate_module().found(self, np.atleast_1d(np.asarray(t, np.float64)))[1]
 
     def table(self, t) -> np.ndarray:
         """Table as `sampled` has it; what is linear by weights of the keys, as its gradients are."""
@@ -129,7 +129,7 @@ class Curve:
         given are fixed. Raises ValueError where slopes are no linear function of the values."""
         if not self.plain:
             from wsim.scene.curve import gradient
-            return gradient.weights(self, np.atleast_1d(np.asarray(times, np.float64)))
+            return gradient.curve_key_weights(self, np.atleast_1d(np.asarray(times, np.float64)))
         t = np.clip(np.asarray(times, np.float64), self.times[0], self.times[-1])
         found = np.zeros((len(t), len(self.times)))
         if not self.moves:
@@ -145,55 +145,56 @@ class Curve:
         if self.plain:
             return {"values": np.tensordot(self.weights(np.atleast_1d(times)).T, by, 1)}
         from wsim.scene.curve import gradient
-        return gradient.pulled(self, np.atleast_1d(np.asarray(times, np.float64)), np.asarray(by, np.float64))
+        return gradient.curve_key_gradient(self, np.atleast_1d(np.asarray(times, np.float64)), np.asarray(by, np.float64))
 
     # what is not plain: wsim/scene/curve/evaluate.py
 
     def mode(self, side) -> int:
         """Number of a way to go on outside of the keys, which is `before` or `after`. Raises ValueError for another."""
-        return _evaluate().mode(self, side)
+        return _evaluate_module().mode(self, side)
 
     def slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """Slopes [unit/s] before and behind the keys, (keys, ...) each, of kinds that have some."""
-        return _evaluate().slopes_of(self)
+        return _evaluate_module().slopes_of(self)
 
     @property
     def pieces(self) -> Pieces:
         """Pieces of a curve of two keys or more."""
         if self.made is None:
-            self.made = _evaluate().pieces_of(self)
+            self.made = _evaluate_module().pieces_of(self)
         return self.made
 
     def place(self, t: np.ndarray):
         """(piece, fraction [1], periods to add, direction, mode, [s] beyond the end) of times (n,), of two keys or more."""
-        return _evaluate().place(self, t)
+        return _evaluate_module().place(self, t)
 
     def slope(self, side: int) -> np.ndarray:
         """Slope [unit/s] of going on before (0) or after (1) the keys."""
-        return _evaluate().slope(self, side)
+        return _evaluate_module().slope(self, side)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The least and the largest value ever, (...) each: of pieces those of their control points, which hold them; infinite
         where it goes on outside of the keys."""
         low, high = self.values.min(axis=0), self.values.max(axis=0)
-        return (low, high) if self.plain else _evaluate().widened(self, low, high)
+        return (low, high) if self.plain else _evaluate_module().widened(self, low, high)
 
     def __eq__(self, other) -> bool:
         return (type(self) is type(other) and np.array_equal(self.times, other.times)
                 and np.array_equal(self.values, other.values) and self.kind == other.kind
-                and _same(self.before, other.before) and _same(self.after, other.after)
-                and self.how.keys() == other.how.keys() and all(_same(v, other.how[k]) for k, v in self.how.items()))
+                and _equal_curve_parts(self.before, other.before) and _equal_curve_parts(self.after, other.after)
+                and self.how.keys() == other.how.keys()
+                and all(_equal_curve_parts(v, other.how[k]) for k, v in self.how.items()))
 
     def __repr__(self) -> str:
         return (f"{type(self).__name__}({self.kind}, {len(self.times)} keys of shape {self.values.shape[1:]} from "
                 f"{self.times[0]:g} to {self.times[-1]:g} s)")
 
 
-def _same(a, b) -> bool:
+def _equal_curve_parts(a, b) -> bool:
     return isinstance(a, str) == isinstance(b, str) and (
         list(a) == list(b) if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)) else np.array_equal(a, b))
 
 
-def _evaluate():
+def _evaluate_module():
     from wsim.scene.curve import evaluate
     return evaluate

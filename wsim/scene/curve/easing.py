@@ -22,10 +22,10 @@ STRAIGHT, HOLD, BEZIER = 0, 1, 2
 CODES = {"linear": STRAIGHT, "hold": HOLD, **dict.fromkeys(CSS, BEZIER),
          **{name: 3 + k for k, name in enumerate(("smoothstep", "smootherstep", *NAMED))}}
 BY_CODE = {code: name for name, code in CODES.items() if code > BEZIER}
-HOST = easing.easings(np, float)
+HOST = easing.easing_formulas(np, float)
 
 
-def handles(name) -> tuple[float, float, float, float] | None:
+def easing_handles(name) -> tuple[float, float, float, float] | None:
     """(x1, y1, x2, y2) of an easing that is a cubic Bezier: four numbers, or a name of CSS; None of others. Raises ValueError
     where x leaves 0 .. 1, or a name is unknown."""
     if isinstance(name, str):
@@ -38,16 +38,16 @@ def handles(name) -> tuple[float, float, float, float] | None:
     return found
 
 
-def function(name: str, of=HOST, m=np, real=float):
+def easing_function(name: str, of=HOST, m=np, real=float):
     """(s) -> (e, de/ds) of a name with a code behind BEZIER. of, m, real: functions of kernels/animation/easing.py for the
     host, or for the device."""
     family, _, form = name.partition("-")
     found = getattr(of, family)
-    return {"out": lambda: easing.turned_round(found, real), "in-out": lambda: easing.halves(found, m, real)}.get(
+    return {"out": lambda: easing.turned_round(found, real), "in-out": lambda: easing.in_out_halves(found, m, real)}.get(
         form, lambda: found)()
 
 
-def warped(code: np.ndarray, x: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def warp_fractions(code: np.ndarray, x: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(u, du/ds) [1] at fractions s (n,) of pieces with codes (n,) and x of handles (n, 2)."""
     u, rate = s.copy(), np.ones_like(s)
     for one in np.unique(code).tolist():
@@ -57,21 +57,21 @@ def warped(code: np.ndarray, x: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, 
         elif one == BEZIER:
             u[at], rate[at] = HOST.parameter(s[at], x[at, 0], x[at, 1])
         elif one != STRAIGHT:
-            u[at], rate[at] = function(BY_CODE[one])(s[at])
+            u[at], rate[at] = easing_function(BY_CODE[one])(s[at])
     return u, rate
 
 
-def eased(name, s) -> tuple[np.ndarray, np.ndarray]:
+def ease_fractions(name, s) -> tuple[np.ndarray, np.ndarray]:
     """(e, de/ds) [1] at fractions s in 0 .. 1, any shape; name: one of NAMES, or (x1, y1, x2, y2). Raises ValueError as
-    `handles`."""
+    `easing_handles`."""
     s = np.clip(np.asarray(s, np.float64), 0.0, 1.0)
-    of = handles(name)
+    of = easing_handles(name)
     if of is not None:
         u, du = HOST.parameter(s, of[0], of[2])
-        a, b, c, d = cubic.hermite(0.0, 1.0, 3.0 * of[1], 3.0 * (1.0 - of[3]))
-        return cubic.value(a, b, c, d, u), cubic.rate(b, c, d, u) * du
+        a, b, c, d = cubic.hermite_coefficients(0.0, 1.0, 3.0 * of[1], 3.0 * (1.0 - of[3]))
+        return cubic.cubic_piece_value(a, b, c, d, u), cubic.cubic_piece_rate(b, c, d, u) * du
     if name == "linear":
         return s, np.ones_like(s)
     if name == "hold":
         return np.where(s < 1.0, 0.0, 1.0), np.zeros_like(s)
-    return function(name)(s)
+    return easing_function(name)(s)

@@ -9,13 +9,13 @@ import numpy as np
 
 from wsim.kernels.animation import cubic, outside
 from wsim.scene.curve import pieces, slopes
-from wsim.scene.curve.easing import HOLD, warped
-from wsim.scene.curve.slopes import column
+from wsim.scene.curve.easing import HOLD, warp_fractions
+from wsim.scene.curve.slopes import broadcast_column
 
 if TYPE_CHECKING:
     from wsim.scene.curve.curve import Curve
 
-INSIDE = outside.outsides(np, float).inside
+INSIDE = outside.extrapolation_formulas(np, float).inside
 
 
 def mode(curve: Curve, side) -> int:
@@ -42,13 +42,13 @@ def pieces_of(c: Curve) -> pieces.Pieces:
     p = c.values[:-1].astype(np.float64)
     q = c.until[1:].astype(np.float64)
     if c.kind in ("linear", "hold"):
-        return pieces.straight(c.times, p, q, np.full(len(p), HOLD if c.kind == "hold" else 0))
+        return pieces.straight_curve_pieces(c.times, p, q, np.full(len(p), HOLD if c.kind == "hold" else 0))
     if c.kind == "eased":
-        return pieces.eased(c.times, p, q, c.how["easing"])
+        return pieces.eased_curve_pieces(c.times, p, q, c.how["easing"])
     arrive, leave = c.slopes()
     widths = np.stack([c.how["leave_width"][:-1], c.how["arrive_width"][1:]], 1) if c.kind == "bezier" else None
-    found = pieces.hermite(c.times, p, q, leave[:-1], arrive[1:], widths)
-    return pieces.formed(found, p, q, np.array(c.how["form"])) if "form" in c.how and len(p) else found
+    found = pieces.hermite_curve_pieces(c.times, p, q, leave[:-1], arrive[1:], widths)
+    return pieces.override_piece_forms(found, p, q, np.array(c.how["form"])) if "form" in c.how and len(p) else found
 
 
 def place(curve: Curve, t: np.ndarray):
@@ -72,17 +72,17 @@ def found(curve: Curve, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     else:
         k, s, n, way, mode, beyond = curve.place(t)
         value, rate = curve.pieces.at(k, s)
-        rate = rate * column(way, rate)
+        rate = rate * broadcast_column(way, rate)
         value[(t >= last) & (mode < outside.REPEAT)] = curve.values[-1]
         value[(t < first) & (mode < outside.REPEAT)] = until[0]
     rate[((t < first) | (t >= last)) & (mode < outside.REPEAT)] = 0.0
     for side, at in ((0, (t < first) & (mode == outside.LINEAR)), (1, (t >= last) & (mode == outside.LINEAR))):
         if at.any():
             slope = curve.slope(side)
-            value[at], rate[at] = value[at] + column(beyond[at], value) * slope, slope
+            value[at], rate[at] = value[at] + broadcast_column(beyond[at], value) * slope, slope
     if n.any():
-        each = np.where(column(n > 0.0, value), curve.values[-1] - curve.values[0], until[-1] - until[0])
-        value = value + column(n, value) * each
+        each = np.where(broadcast_column(n > 0.0, value), curve.values[-1] - curve.values[0], until[-1] - until[0])
+        value = value + broadcast_column(n, value) * each
     return value, rate
 
 
@@ -96,15 +96,15 @@ def slope(curve: Curve, side: int) -> np.ndarray:
         return np.zeros(curve.values.shape[1:])
     if curve.kind in (*slopes.RULES, "hermite", "bezier") and curve.how.get("form", ("curve",))[k] == "curve":
         return curve.slopes()[1 - side][k]
-    u, du = warped(of.code[[k]], of.x[[k]], np.array([float(side)]))
+    u, du = warp_fractions(of.code[[k]], of.x[[k]], np.array([float(side)]))
     b, c, d = (part[k] for part in of.part[1:])
-    return cubic.rate(b, c, d, u[0]) * (du[0] / of.span[k])
+    return cubic.cubic_piece_rate(b, c, d, u[0]) * (du[0] / of.span[k])
 
 
 def widened(curve: Curve, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The least and the largest value ever, from those at the keys."""
     if curve.kind != "linear" and len(curve.times) > 1:
-        held = pieces.hull(curve.pieces)
+        held = pieces.piece_control_hull(curve.pieces)
         low, high = np.minimum(low, held.min(axis=0)), np.maximum(high, held.max(axis=0))
     for side, of in enumerate((curve.before, curve.after)):
         grows = curve.slope(side) if curve.mode(of) == outside.LINEAR else curve.values[-1] - curve.values[0]

@@ -19,7 +19,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 FORMS = ("curve", "linear", "hold")
 
 
-def completed(curve: Curve) -> dict:
+def complete_curve_fields(curve: Curve) -> dict:
     """Fields that the kind is given (`how`), with what follows from the rest. Raises ValueError where something cannot be."""
     if curve.kind not in KINDS:
         raise ValueError(f"no kind of curve is called {curve.kind!r}; there are {', '.join(KINDS)}")
@@ -30,10 +30,10 @@ def completed(curve: Curve) -> dict:
         raise ValueError("the keys of a curve must be finite numbers")
     for side in (curve.before, curve.after):
         curve.mode(side)
-    return _completed(curve)
+    return _fill_kind_fields(curve)
 
 
-def _completed(curve: Curve) -> dict:
+def _fill_kind_fields(curve: Curve) -> dict:
     how, n, kind = dict(curve.how), len(curve.times), curve.kind
     if kind == "eased":
         easing = how.setdefault("easing", "linear")
@@ -41,8 +41,8 @@ def _completed(curve: Curve) -> dict:
         each = [easing] * (n - 1) if one else list(easing)
         if len(each) != n - 1:
             raise ValueError(f"{len(each)} easings for {n - 1} pieces between {n} keys; give one, or one a piece")
-        pieces.eased(np.arange(n, dtype=float), np.zeros(n - 1), np.zeros(n - 1), each)
-        return how | {"easing": [e if isinstance(e, str) else easing_of.handles(e) for e in each]}
+        pieces.eased_curve_pieces(np.arange(n, dtype=float), np.zeros(n - 1), np.zeros(n - 1), each)
+        return how | {"easing": [e if isinstance(e, str) else easing_of.easing_handles(e) for e in each]}
     if kind in slopes.RULES and n > 1:
         curve.slopes()
     if kind not in ("hermite", "bezier"):
@@ -60,10 +60,10 @@ def _completed(curve: Curve) -> dict:
         how["until"] = np.asarray(how["until"], np.float64)
         if how["until"].shape != curve.values.shape or not np.isfinite(how["until"]).all():
             raise ValueError(f"until: one finite value right before each key: {curve.values.shape}, not {how['until'].shape}")
-    return _widths(curve, how) if kind == "bezier" else how
+    return _complete_handle_widths(curve, how) if kind == "bezier" else how
 
 
-def _widths(curve: Curve, how: dict) -> dict:
+def _complete_handle_widths(curve: Curve, how: dict) -> dict:
     span = np.diff(curve.times)
     for name, whole in (("leave_width", np.append(span, 0.0)), ("arrive_width", np.append(0.0, span))):
         width = np.asarray(how[name], np.float64) if how.get(name) is not None else whole / 3.0

@@ -21,16 +21,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.geometry.rotation import about_axis, axis_angle, polar
-from wsim.scene.curve.curve import Curve, keyed
+from wsim.geometry.rotation import axis_angle, axis_rotation_matrix, polar_decomposition
+from wsim.scene.curve.curve import Curve, checked_keys
 
 if TYPE_CHECKING:
-    from wsim.scene.curve.turns import Turns
+    from wsim.scene.curve.turns import RotationCurve
 
 UNIT = 1e-6                              # how far from 1 the length of a given quaternion may be: float32 files reach 1e-7
 
 
-def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
+def _key_interval(times: np.ndarray, t: float) -> tuple[int, int, float]:
     """Keys (a, b) around time t and the fraction of the way from a to b."""
     b = int(np.searchsorted(times, t, side="right"))
     if b == 0 or b == len(times):
@@ -53,7 +53,7 @@ class Motion(Curve):
     """
 
     def __init__(self, times, values, kind: str = "linear", before="held", after="held", **how):
-        self.times, self.values = keyed(times, np.asarray(values, np.float64).reshape(-1, 4, 4))
+        self.times, self.values = checked_keys(times, np.asarray(values, np.float64).reshape(-1, 4, 4))
         if not (isinstance(before, str) and isinstance(after, str)):
             raise ValueError("outside of its keys a motion is held, linear, repeat, reset, oscillate; a slope is for a Curve")
         self.path = Curve(self.times, self.values[:, :3, 3], kind, before, after, **how)     # of the places
@@ -87,26 +87,26 @@ class Motion(Curve):
                 k = int(np.argmax(~(np.abs(length - 1.0) < UNIT)))
                 raise ValueError(f"a motion needs one unit quaternion (x, y, z, w) a place: {len(q)} of them for {len(places)} "
                                  f"places, number {k} of length {length[k] if len(q) else 0.0:g}; divide each by its length")
-            M[:, :3, :3] = rotation.matrix(rotation.normalized(q))
+            M[:, :3, :3] = rotation.quaternion_to_matrix(rotation.unit_quat(q))
         return Motion(times, M, kind, before, after, **how)
 
     def at(self, t: float) -> np.ndarray:
         """Transform at time t, shape (4, 4)."""
         if not self.plain:
             return self.sampled(t)[0]
-        a, b, s = _segment(self.times, t)
+        a, b, s = _key_interval(self.times, t)
         if a == b:
             return self.values[a]
         A, B, (R, S, axis, angle) = self.values[a], self.values[b], self._turns()
         M = np.eye(4)
-        M[:3, :3] = R[a] @ about_axis(axis[a], s * angle[a]) @ (S[a] + s * (S[b] - S[a]))
+        M[:3, :3] = R[a] @ axis_rotation_matrix(axis[a], s * angle[a]) @ (S[a] + s * (S[b] - S[a]))
         M[:3, 3] = A[:3, 3] + s * (B[:3, 3] - A[:3, 3])
         return M
 
     def _turns(self) -> tuple:
         """Rotations and stretches of the keys, (keys, 3, 3), axes (keys - 1, 3) and angles [rad] from each key to the next."""
         if self.turned is None:
-            R, S = polar(self.values[:, :3, :3])
+            R, S = polar_decomposition(self.values[:, :3, :3])
             self.turned = R, S, *axis_angle(R[:-1].swapaxes(1, 2) @ R[1:])
         return self.turned
 
@@ -124,7 +124,7 @@ class Motion(Curve):
             b, (R, S, axis, angle) = begin[inside], self._turns()
             a, A, B = b - 1, self.values[b - 1, :3, 3], self.values[b, :3, 3]
             s = (t[inside] - self.times[a]) / (self.times[b] - self.times[a])
-            M[inside, :3, :3] = R[a] @ about_axis(axis[a], s * angle[a]) @ (S[a] + s[:, None, None] * (S[b] - S[a]))
+            M[inside, :3, :3] = R[a] @ axis_rotation_matrix(axis[a], s * angle[a]) @ (S[a] + s[:, None, None] * (S[b] - S[a]))
             M[inside, :3, 3] = A + s[:, None] * (B - A)
         return M
 
@@ -145,11 +145,11 @@ class Motion(Curve):
         return type(self) is Motion or self.kind == "stack"
 
     @property
-    def turns(self) -> Turns:
+    def turns(self) -> RotationCurve:
         """Rotations and stretches over time."""
         if self.made is None:
-            from wsim.scene.curve.turns import Turns
-            self.made = Turns(self)
+            from wsim.scene.curve.turns import RotationCurve
+            self.made = RotationCurve(self)
         return self.made
 
     def _moved(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

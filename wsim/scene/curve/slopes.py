@@ -10,7 +10,7 @@
                        (Fritsch, Butland 1984; three-point ends)
 
 At the ends Catmull-Rom and Kochanek-Bartels take the one chord there is. Times in [s], (keys,); values (keys, ...); slopes are
-those before and behind the keys. Values may be complex: a small imaginary part finds derivatives (`pulled`).
+those before and behind the keys. Values may be complex: a small imaginary part finds derivatives (`slope_rule_gradient`).
 """
 
 from collections.abc import Callable
@@ -20,13 +20,13 @@ import numpy as np
 Slopes = tuple[np.ndarray, np.ndarray]
 
 
-def column(v: np.ndarray, like: np.ndarray) -> np.ndarray:
+def broadcast_column(v: np.ndarray, like: np.ndarray) -> np.ndarray:
     """(k,) against (k, ...)."""
     return v.reshape(-1, *(1,) * (like.ndim - 1))
 
 
-def _chords(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    dt = column(np.diff(times), values)
+def _chord_slopes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    dt = broadcast_column(np.diff(times), values)
     return dt, np.diff(values, axis=0) / dt
 
 
@@ -36,10 +36,10 @@ def catmull_rom(times: np.ndarray, values: np.ndarray, alpha: float | None = Non
         return kochanek_bartels(times, values)
     if not 0.0 <= alpha <= 1.0:
         raise ValueError(f"alpha of a Catmull-Rom spline is within 0 .. 1, not {alpha}")
-    dt, _ = _chords(times, values)
+    dt, _ = _chord_slopes(times, values)
     way = np.diff(values, axis=0)
     long = np.sqrt((way.reshape(len(way), -1) ** 2).sum(1))
-    d = column(np.where(long.real > 0.0, long, 1.0) ** alpha, values)
+    d = broadcast_column(np.where(long.real > 0.0, long, 1.0) ** alpha, values)
     tangent = np.empty_like(values)                            # by the knot
     tangent[0], tangent[-1] = way[0] / d[0], way[-1] / d[-1]
     tangent[1:-1] = way[:-1] / d[:-1] - (values[2:] - values[:-2]) / (d[:-1] + d[1:]) + way[1:] / d[1:]
@@ -48,20 +48,20 @@ def catmull_rom(times: np.ndarray, values: np.ndarray, alpha: float | None = Non
 
 
 def kochanek_bartels(times: np.ndarray, values: np.ndarray, tension=0.0, bias=0.0, continuity=0.0) -> Slopes:
-    dt, chord = _chords(times, values)
+    dt, chord = _chord_slopes(times, values)
     t, b, c = (np.broadcast_to(np.asarray(v, np.float64), len(times)) for v in (tension, bias, continuity))
     before, after = np.concatenate([chord[:1], chord]), np.concatenate([chord, chord[-1:]])
     part = np.concatenate([dt[:1], dt]), np.concatenate([dt, dt[-1:]])
     share = [p / (part[0] + part[1]) for p in part]            # of chords as speeds: dt_{k-1} c_{k-1} + dt_k c_k over both
 
-    def mixed(sign: float) -> np.ndarray:
+    def tension_weighted_chords(sign: float) -> np.ndarray:
         first, second = (1 - t) * (1 + b) * (1 + sign * c), (1 - t) * (1 - b) * (1 - sign * c)
-        return column(first, values) * share[0] * before + column(second, values) * share[1] * after
-    return mixed(-1.0), mixed(1.0)
+        return broadcast_column(first, values) * share[0] * before + broadcast_column(second, values) * share[1] * after
+    return tension_weighted_chords(-1.0), tension_weighted_chords(1.0)
 
 
-def monotone(times: np.ndarray, values: np.ndarray) -> Slopes:
-    dt, chord = _chords(times, values)
+def monotone_slopes(times: np.ndarray, values: np.ndarray) -> Slopes:
+    dt, chord = _chord_slopes(times, values)
     m = np.zeros_like(values)
     if len(times) == 2:
         m[:] = chord
@@ -78,11 +78,12 @@ def monotone(times: np.ndarray, values: np.ndarray) -> Slopes:
 
 
 RULES: dict[str, Callable[..., Slopes]] = {"catmull_rom": catmull_rom, "kochanek_bartels": kochanek_bartels,
-                                           "monotone": monotone}
+                                           "monotone": monotone_slopes}
 LINEAR = ("kochanek_bartels", "catmull_rom")        # in the values, but for catmull_rom with alpha
 
 
-def pulled(rule: str, how: dict, times: np.ndarray, values: np.ndarray, before: np.ndarray, behind: np.ndarray) -> np.ndarray:
+def slope_rule_gradient(rule: str, how: dict, times: np.ndarray, values: np.ndarray, before: np.ndarray,
+                        behind: np.ndarray) -> np.ndarray:
     """Gradient with respect to the values (keys, ...) of what has these with respect to slopes before and behind the keys.
     Exact: a rule that is linear by its matrix, others by complex steps."""
     if len(times) < 2:

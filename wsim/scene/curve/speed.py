@@ -27,15 +27,15 @@ import numpy as np
 from wsim.geometry import rotation
 from wsim.kernels.animation import cubic, outside
 from wsim.scene.curve.curve import Curve
-from wsim.scene.curve.easing import BEZIER, STRAIGHT, warped
+from wsim.scene.curve.easing import BEZIER, STRAIGHT, warp_fractions
 from wsim.scene.curve.motion import Motion
-from wsim.scene.curve.turns import Turns
+from wsim.scene.curve.turns import RotationCurve
 
 UNIFORM = 1e-6         # part by which the axes of a constant matrix may differ in length, or be off from square
 WIDE = 3.0             # [rad] that squad's inner rotations may be apart at most; at half a turn it may jump
 
 
-class Straight:
+class LinearMotion:
     """A motion that is linear between its keys and held outside: places, rotations and rates, without its matrices."""
 
     def __init__(self, motion: Motion):
@@ -52,7 +52,8 @@ class Straight:
         k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
         s = np.where(t < self.times[0], 0.0, t - self.times[k])[:, None] / self.span[k, None]
         last = np.minimum(k + 1, len(self.times) - 1)
-        return self.p[k] + s * (self.p[last] - self.p[k]), rotation.multiply(self.q[k], rotation.exponential(s * self.turn[k]))
+        return (self.p[k] + s * (self.p[last] - self.p[k]),
+                rotation.quat_product(self.q[k], rotation.quaternion_exponential(s * self.turn[k])))
 
     def fastest(self, t: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Bounds as the function of that name has them."""
@@ -65,7 +66,7 @@ class Straight:
         return np.stack([way + arm * angle, angle, v + arm * omega, omega], axis=1)
 
 
-def fastest(motion: Motion, t: np.ndarray, at: np.ndarray) -> np.ndarray:
+def motion_speed_bounds(motion: Motion, t: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Bounds from each of the times t (n + 1,) [s] to the next, (n, 4): the way [m] of the point `at` (3,) [m] of the moving
     frame, the angle [rad] by which the frame turns on the way, and the greatest of their rates, [m/s] and [rad/s]."""
     parts = getattr(motion, "inner", [motion])
@@ -81,7 +82,7 @@ def fastest(motion: Motion, t: np.ndarray, at: np.ndarray) -> np.ndarray:
                 omega[:] = np.inf
             v, rho = k * v, k * rho + np.linalg.norm(A[:3, 3])
             continue
-        own, turn, way = _part(A, a, b)
+        own, turn, way = _stack_part_speed(A, a, b)
         with np.errstate(invalid="ignore"):
             v = np.where(rho > 0.0, v + own + turn * rho, v + own)
         omega, rho = omega + turn, rho + way
@@ -90,13 +91,13 @@ def fastest(motion: Motion, t: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.concatenate([np.add.reduceat(rates * span, first), np.maximum.reduceat(rates, first)], axis=1)
 
 
-def _part(A, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stack_part_speed(A, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(speed [m/s], angular velocity [rad/s], distance [m] of its origin) of a part of a stack from times a to b, (n,) each."""
     none = np.zeros(len(a))
     if isinstance(A, Motion):
-        v = rate(A.path, a, b)
-        return v, turning(A, a, b), np.linalg.norm(A.path.sampled(a), axis=1) + v * (b - a)
-    v = rate(A.curve, a, b)
+        v = curve_rate_bound(A.path, a, b)
+        return v, angular_velocity_bound(A, a, b), np.linalg.norm(A.path.sampled(a), axis=1) + v * (b - a)
+    v = curve_rate_bound(A.curve, a, b)
     if A.what == "shift":
         return v, none, np.abs(A.curve.sampled(a)) + v * (b - a)
     if A.what == "turn":
@@ -105,7 +106,7 @@ def _part(A, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     return none, none if same else none + np.inf, none
 
 
-def rate(curve: Curve, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def curve_rate_bound(curve: Curve, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Bound of the length of a curve's rate [unit/s] from times a to b (n,) that have no key between them, (n,)."""
     n, middle = len(curve.times), 0.5 * (a + b)
     if not np.array_equal(curve.until, curve.values):
@@ -116,25 +117,25 @@ def rate(curve: Curve, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         of = curve.pieces
         s = [np.clip((t - curve.times[k]) / of.span[k], 0.0, 1.0) for t in (a, b)]
         x, known = of.x[k], np.isin(of.code[k], (STRAIGHT, BEZIER))
-        u0, u1 = (warped(np.where(known, of.code[k], STRAIGHT), x, end)[0] for end in s)
-        Q = _controls([part[k].reshape(len(k), -1) for part in of.part], u0, u1)
-        X = _controls([column[:, None] for column in cubic.hermite(
+        u0, u1 = (warp_fractions(np.where(known, of.code[k], STRAIGHT), x, end)[0] for end in s)
+        Q = _derivative_controls([part[k].reshape(len(k), -1) for part in of.part], u0, u1)
+        X = _derivative_controls([column[:, None] for column in cubic.hermite_coefficients(
             np.zeros(len(k)), np.ones(len(k)), 3.0 * x[:, 0], 3.0 * (1.0 - x[:, 1]))], u0, u1)
         slow = np.where(of.code[k] == BEZIER, X[..., 0].min(axis=0), 1.0)
         known &= slow > 0.0
         found = np.where(known, np.linalg.norm(Q, axis=-1).max(axis=0) / np.where(known, slow * of.span[k], 1.0), np.inf)
-    return _beyond(curve, middle, found, lambda side: float(np.linalg.norm(curve.slope(side))))
+    return _outside_rate_bound(curve, middle, found, lambda side: float(np.linalg.norm(curve.slope(side))))
 
 
-def _controls(part: list, u0: np.ndarray, u1: np.ndarray) -> np.ndarray:
+def _derivative_controls(part: list, u0: np.ndarray, u1: np.ndarray) -> np.ndarray:
     """Control points (3, n, m) of the derivative of cubics (a, b, c, d) (n, m) each, with respect to u, from u0 to u1 (n,)."""
     _, b, c, d = part
     u0, u1 = u0[:, None], u1[:, None]
-    first = cubic.rate(b, c, d, u0)
-    return np.stack([first, first + 0.5 * (u1 - u0) * (2.0 * c + 6.0 * u0 * d), cubic.rate(b, c, d, u1)])
+    first = cubic.cubic_piece_rate(b, c, d, u0)
+    return np.stack([first, first + 0.5 * (u1 - u0) * (2.0 * c + 6.0 * u0 * d), cubic.cubic_piece_rate(b, c, d, u1)])
 
 
-def _beyond(curve: Curve, t: np.ndarray, found: np.ndarray, slope) -> np.ndarray:
+def _outside_rate_bound(curve: Curve, t: np.ndarray, found: np.ndarray, slope) -> np.ndarray:
     """The bound `found`, and what holds outside of the keys. slope(side): of what goes on before (0) or after (1) them."""
     for side, of, there in ((0, curve.before, t < curve.times[0]), (1, curve.after, t > curve.times[-1])):
         if there.any():
@@ -143,7 +144,7 @@ def _beyond(curve: Curve, t: np.ndarray, found: np.ndarray, slope) -> np.ndarray
     return found
 
 
-def turning(motion: Motion, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def angular_velocity_bound(motion: Motion, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Bound of a motion's angular velocity [rad/s] from times a to b (n,) that have no key between them, (n,)."""
     found = np.zeros(len(a))
     if len(motion.times) == 1:
@@ -153,26 +154,27 @@ def turning(motion: Motion, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     if turns.slerps:
         still = angle == 0.0
         with np.errstate(invalid="ignore"):
-            found = np.where(still, 0.0, angle * rate(turns.pace, a, b))
+            found = np.where(still, 0.0, angle * curve_rate_bound(turns.pace, a, b))
     else:
         span = np.diff(motion.times)[k]
-        found = _squad(turns, k, *(np.clip((t - motion.times[k]) / span, 0.0, 1.0) for t in (a, b))) / span
-    return _beyond(motion.path, 0.5 * (a + b), found, lambda side: float(np.linalg.norm(turns.end(side))))
+        found = _squad_rate_bound(turns, k, *(np.clip((t - motion.times[k]) / span, 0.0, 1.0) for t in (a, b))) / span
+    return _outside_rate_bound(motion.path, 0.5 * (a + b), found, lambda side: float(np.linalg.norm(turns.end(side))))
 
 
-def _squad(turns: Turns, k: np.ndarray, s0: np.ndarray, s1: np.ndarray) -> np.ndarray:
+def _squad_rate_bound(turns: RotationCurve, k: np.ndarray, s0: np.ndarray, s1: np.ndarray) -> np.ndarray:
     """Bound of the rate of squad [rad a unit of s] in pieces k from s0 to s1, (n,) each."""
-    def between(p, q):
-        return rotation.logarithm(rotation.multiply(rotation.conjugate(p), q))
+    def relative_rotation_vector(p, q):
+        return rotation.quaternion_logarithm(rotation.quat_product(rotation.quat_conjugate(p), q))
 
-    def length(w):
+    def vector_norms(w):
         return np.linalg.norm(w, axis=-1)
     q, (inner, outer) = turns.q, (each[k] for each in turns.inner)
-    u, v = turns.turn[k], between(inner, outer)
-    D, begin, end = length(u) + length(v), length(between(q[k], inner)), length(between(q[k + 1], outer))
+    u, v = turns.turn[k], relative_rotation_vector(inner, outer)
+    D, begin, end = (vector_norms(u) + vector_norms(v), vector_norms(relative_rotation_vector(q[k], inner)),
+                     vector_norms(relative_rotation_vector(q[k + 1], outer)))
     for _ in range(3):
         W = np.minimum(begin + s1 * D, end + (1.0 - s0) * D)
-        D = np.minimum(D, length(v - u) + W * length(u))
+        D = np.minimum(D, vector_norms(v - u) + W * vector_norms(u))
     h = np.where((s0 < 0.5) & (s1 > 0.5), 0.5, np.maximum(2.0 * s0 * (1.0 - s0), 2.0 * s1 * (1.0 - s1)))
     steep = np.maximum(np.abs(2.0 - 4.0 * s0), np.abs(2.0 - 4.0 * s1))
-    return np.where(W <= WIDE, length(u) + steep * W + h * D / np.sinc(np.minimum(W, WIDE) / (2.0 * np.pi)), np.inf)
+    return np.where(W <= WIDE, vector_norms(u) + steep * W + h * D / np.sinc(np.minimum(W, WIDE) / (2.0 * np.pi)), np.inf)

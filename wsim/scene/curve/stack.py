@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.scene.curve.curve import Curve
 from wsim.scene.curve.motion import Motion
 
@@ -45,7 +45,7 @@ class Part:
             A[:, k, k], dA[:, k, k] = value, rate
         else:
             axis = np.eye(3)[k]
-            A[:, :3, :3] = about_axis(np.broadcast_to(axis, (len(t), 3)), value)
+            A[:, :3, :3] = axis_rotation_matrix(np.broadcast_to(axis, (len(t), 3)), value)
             dA[:, :3, :3] = rate[:, None, None] * (np.cross(axis, np.eye(3), axisb=0, axisc=0) @ A[:, :3, :3])
         return A, dA
 
@@ -62,7 +62,7 @@ class Stack(Motion):
     """
 
     def __init__(self, inner: list):
-        self.inner = _joined([A if isinstance(A, (Part, Motion)) else np.asarray(A, np.float64) for A in inner])
+        self.inner = _merge_constant_parts([A if isinstance(A, (Part, Motion)) else np.asarray(A, np.float64) for A in inner])
         keys = [(A.curve if isinstance(A, Part) else A).times for A in self.inner if not isinstance(A, np.ndarray)]
         times = np.unique(np.concatenate(keys)) if keys else np.zeros(1)
         self.kind = "stack"
@@ -102,7 +102,7 @@ class Stack(Motion):
             for a, b in zip(self.inner, other.inner, strict=True))
 
 
-def _joined(inner: list) -> list:
+def _merge_constant_parts(inner: list) -> list:
     """Stacks within by their parts, constants beside one another multiplied."""
     found: list = []
     for A in inner:

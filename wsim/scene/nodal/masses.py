@@ -15,7 +15,7 @@ def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.nd
         return cloth.masses.astype(np.float64)
     n = len(cloth.points)
     thickness = np.full(n, cloth.material.thickness) if cloth.thicknesses is None else cloth.thicknesses
-    area = topology.areas(rest, triangles)
+    area = topology.triangle_areas(rest, triangles)
     share = area * np.asarray(thickness, np.float64)[triangles].mean(axis=1) * cloth.material.density / 3.0
     masses = np.bincount(triangles.ravel(), np.repeat(share, 3), n)
     if cloth.mass is not None:
@@ -25,7 +25,7 @@ def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.nd
     return masses
 
 
-def loose(masses: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def fill_loose_masses(masses: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Masses of particles [kg], (n,), with the mean where there is none, and the particles that are no corner: no force acts on
     them, and they stay where they are."""
     alone = np.setdiff1d(np.arange(len(masses)), corners)
@@ -40,7 +40,7 @@ def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mass of each author's point [kg], and the points that no tet has (which get some mass, and stay where they are).
 
     Authored, or the volume of the tets at rest times density; of tets that are partly body at least THIN of it."""
-    from wsim.geometry.tetra.tets import masses as shared
+    from wsim.geometry.tetra.tets import lumped_tet_masses as shared
     n, idle = len(rest), np.setdiff1d(np.arange(len(rest)), soft.tets)
     if soft.masses is not None:
         return soft.masses.astype(np.float64), idle
@@ -62,7 +62,7 @@ def soft_share(soft: Soft) -> np.ndarray | float:
     return 1.0 if soft.filled is None else np.maximum(soft.filled.astype(np.float64), THIN)
 
 
-def density_of(source) -> float | None:
+def single_density(source) -> float | None:
     """The one density [kg/m^3] that all masses of a body follow; None where masses are authored or materials differ."""
     if not isinstance(source, (Cloth, Soft)) or source.masses is not None or source.mass is not None:
         return None

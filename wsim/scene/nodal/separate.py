@@ -11,7 +11,7 @@ PHI = 1.2207440846057596                             # root of x^4 = x + 1
 STEPS = np.array([1.0 / PHI, 1.0 / PHI**2, 1.0 / PHI**3])
 
 
-def apart(places: np.ndarray, edges: np.ndarray, rest: np.ndarray) -> np.ndarray:
+def separate_coincident_ends(places: np.ndarray, edges: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """places [m], (n, 3), with the ends of edges of length 0 moved; edges (m, 2); rest lengths [m], (m,).
 
     The same array where no edge has two ends at one place. Edges of rest length 0 stay as they are."""

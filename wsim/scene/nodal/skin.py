@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.geometry.tetra.embed import embed
-from wsim.geometry.tetra.tets import volumes
+from wsim.geometry.tetra.embed import embed_in_tets
+from wsim.geometry.tetra.tets import signed_tet_volumes
 from wsim.scene import Problem, Scene, SceneError, Skin, Soft
 
 
 @dataclass
-class Embedding:
+class SkinEmbedding:
     """The points of one skin as weighed points of its body, `body` its path."""
 
     path: str
@@ -31,7 +31,7 @@ class Embedding:
                    np.zeros((len(self.rows), 3)))
 
 
-def hold(soft: Soft, skin: Skin) -> Embedding:
+def embed_skin(soft: Soft, skin: Skin) -> SkinEmbedding:
     """Finds the tet of each point of a skin, where both are at rest. Lengths are those of the world at the start, so that a
     transform that stretches does no harm, nor one that mirrors.
 
@@ -43,8 +43,8 @@ def hold(soft: Soft, skin: Skin) -> Embedding:
     if len(bad):
         raise SceneError(Problem(skin.path, f"point {bad[0]} is not finite; give it three finite coordinates"))
     try:
-        tets = np.where((volumes(rest, soft.tets) < 0)[:, None], soft.tets[:, [0, 1, 3, 2]], soft.tets)
-        tet, weights = embed(rest, tets, places)
+        tets = np.where((signed_tet_volumes(rest, soft.tets) < 0)[:, None], soft.tets[:, [0, 1, 3, 2]], soft.tets)
+        tet, weights = embed_in_tets(rest, tets, places)
     except ValueError as error:
         what, _, text = str(error).partition(": ")
         if what != "places":
@@ -52,16 +52,16 @@ def hold(soft: Soft, skin: Skin) -> Embedding:
         text = text.partition(";")[0]
         raise SceneError(Problem(skin.path, f"cannot follow the tets of {soft.path}: of its points {text}; bring it to where "
                                  "the tets are at rest, or take it out of the body")) from None
-    return Embedding(skin.path, soft.path, tets[tet], weights)
+    return SkinEmbedding(skin.path, soft.path, tets[tet], weights)
 
 
-def held(scene: Scene) -> dict[str, Embedding]:
+def embed_all_skins(scene: Scene) -> dict[str, SkinEmbedding]:
     """All skins of a scene by path. Raises SceneError with every skin that cannot follow."""
     found, problems = {}, []
     for soft in scene.softs:
         for skin in soft.skins:
             try:
-                found[skin.path] = hold(soft, skin)
+                found[skin.path] = embed_skin(soft, skin)
             except SceneError as error:
                 problems += error.problems
     if problems:

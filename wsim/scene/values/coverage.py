@@ -8,7 +8,7 @@ tests/ as file::function; a solver without one has no such thing, or shares the 
 from dataclasses import dataclass
 
 from wsim.scene.values import table
-from wsim.scene.values.value import Value
+from wsim.scene.values.value import ValueRow
 
 THROUGH, BY, OF = "through", "with respect to", "of"
 
@@ -240,39 +240,39 @@ REFUSED: dict[str, Refused] = {
 }
 
 
-def refuse(key: str, path: str, **words):
+def gradient_refusal(key: str, path: str, **words):
     """The SceneError of a row of `REFUSED` at a prim path."""
     from wsim.scene import Problem, SceneError
     return SceneError(Problem(path, REFUSED[key].text.format(**words)))
 
 
-def row_of(scene, path: str, name: str, own=()) -> Value:
+def differentiable_row(scene, path: str, name: str, own=()) -> ValueRow:
     """The row of a value of the object at a path ("/": the scene) that has a derivative. own: values of that body that a
     recording has. Raises SceneError, with the path and the reason, where there is none."""
-    from wsim.scene.methods import named
-    thing = named(scene, path)
+    from wsim.scene.methods import object_at_path
+    thing = object_at_path(scene, path)
     owner = type(thing).__name__ if thing is not None else ""
-    row = table.of(owner).get(name)
+    row = table.values_of_class(owner).get(name)
     if row is not None and owner == "Load" and name != thing.name:
         row = None
     if row is None or not row.gradient:
-        raise without(path, name, owner, own, row.why if row else "")
+        raise no_derivative_error(path, name, owner, own, row.why if row else "")
     return row
 
 
-def without(path: str, name: str, owner: str, own=(), why: str = ""):
+def no_derivative_error(path: str, name: str, owner: str, own=(), why: str = ""):
     """The SceneError of a value that has no derivative there; those that have one are named."""
     from wsim.scene import Problem, SceneError
-    names = ", ".join(["positions", "velocities", "rest_shape", *own] if own else table.inputs(owner)) or "none"
+    names = ", ".join(["positions", "velocities", "rest_shape", *own] if own else table.gradient_input_names(owner)) or "none"
     if why:
-        return refuse("value", path, name=name, why=why, names=names)
+        return gradient_refusal("value", path, name=name, why=why, names=names)
     if owner == "Scene":
         return SceneError(Problem(name, f"is no value of the whole scene; there are {names}"))
     said = f"a collider has {names}" if owner == "Collider" else f"there are {names}"
     return SceneError(Problem(path, f"has no {name!r} to be differentiated by; {said}"))
 
 
-def lines() -> list[tuple[str, str, str]]:
+def coverage_lines() -> list[tuple[str, str, str]]:
     """(kind, what, solvers) of all rows, then what is refused: of documents."""
     found = [(row.kind, ", ".join(row.what.split()) if row.kind == BY else row.what, ", ".join(row.tests)) for row in COVERED]
     apart = [(f"{row.owner}.{row.name}", row.why) for row in table.VALUES if not row.gradient]
@@ -289,6 +289,6 @@ def table_rows() -> list[str]:
     return [*rows, *(f"| `{owner}` | {', '.join(names)} |" for owner, names in by.items())]
 
 
-def text() -> str:
+def coverage_text() -> str:
     """The table in plain text."""
-    return "\n".join(f"    {kind:<16}{what}{f'   [{solvers}]' if solvers else ''}" for kind, what, solvers in lines())
+    return "\n".join(f"    {kind:<16}{what}{f'   [{solvers}]' if solvers else ''}" for kind, what, solvers in coverage_lines())

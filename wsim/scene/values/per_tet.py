@@ -8,15 +8,15 @@ import numpy as np
 from wsim.scene.bodies import Soft
 
 
-def parted(soft: Soft, name: str, values: np.ndarray) -> Soft:
+def material_per_tet(soft: Soft, name: str, values: np.ndarray) -> Soft:
     """`soft` with values (t,) of young, poisson or another field of its materials; its first material has their median, which
     no tet need have."""
     which = np.zeros(len(soft.tets), np.int64) if soft.which is None else soft.which
     each, number = np.unique(np.stack([which, values]), axis=1, return_inverse=True)
-    others = [replace(soft.materials[int(k)], **values_of(name, v)) for k, v in each.T]
-    middle = replace(soft.material, **values_of(name, np.median(values)))
+    others = [replace(soft.materials[int(k)], **material_fields_with(name, v)) for k, v in each.T]
+    middle = replace(soft.material, **material_fields_with(name, np.median(values)))
     return replace(soft, material=middle, others=others, which=1 + number.reshape(-1))
 
 
-def values_of(name: str, value) -> dict[str, Any]:
+def material_fields_with(name: str, value) -> dict[str, Any]:
     return {name: float(value)}

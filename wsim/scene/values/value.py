@@ -12,7 +12,7 @@ LARGE = 10.0           # [m/s^2, m/s, Pa, N] one unit of theta of a parameter th
 
 
 @dataclass(frozen=True)
-class Range:
+class ValueRange:
     """Numbers that a value may be: finite, from `low` (strict: above it), below `high` (closed: or at it). endless: infinite in
     a scene where there is no such limit."""
 
@@ -45,8 +45,9 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Theta:
-    """The way in which a fit maps a number to theta, on a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
+class ThetaMap:
+    """The way in which a fit maps a number to theta, on a line without ends, see
+    `wsim.fitting.least_squares.bounds.FittingMap`."""
 
     kind: str                    # "log", "plain" or "bounded"
     low: float = 0.0
@@ -54,16 +55,16 @@ class Theta:
 
 
 @dataclass(frozen=True)
-class Each:
+class PerElementFit:
     """A fit of a value for each element. near: what neighbours differ by, in units of theta."""
 
     noun: str                    # tets, springs, hinges ...
-    map: Theta
+    map: ThetaMap
     near: float = 0.3
 
 
 @dataclass(frozen=True)
-class Usd:
+class UsdAttribute:
     """The attribute of a schema that carries a value, and its type."""
 
     schema: str
@@ -73,7 +74,7 @@ class Usd:
 
 
 @dataclass(frozen=True)
-class Value:
+class ValueRow:
     """One value of the objects of one class.
 
     owner      name of the class in `wsim.scene`, or of a method's own; the field of that name is of the object or its material
@@ -93,7 +94,7 @@ class Value:
     owner: str
     name: str
     unit: str = "1"
-    range: Range = Range()
+    range: ValueRange = ValueRange()
     form: str = "number"
     live: bool = True
     local: bool = False
@@ -101,14 +102,14 @@ class Value:
     varies: bool = False
     stiffens: bool = False
     needs: tuple[str, ...] = ()
-    fit: Theta | None = None
-    each: Each | None = None
-    usd: Usd | None = None
+    fit: ThetaMap | None = None
+    each: PerElementFit | None = None
+    usd: UsdAttribute | None = None
     gradient: str = ""
     why: str = ""
     mend: str = ""
 
 
-def holder(thing: Any, name: str) -> Any:
+def value_holder(thing: Any, name: str) -> Any:
     """Object that has the field of a value: itself, or its material."""
     return thing if hasattr(thing, name) else getattr(thing, "material", thing)

@@ -14,15 +14,15 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOUR = struct.pack(">B", 0)      # sRGB chunk, perceptual intent
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
+def _png_chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def _header(width: int, height: int) -> bytes:
-    return SIGNATURE + _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + _chunk(b"sRGB", _COLOUR)
+def _png_header(width: int, height: int) -> bytes:
+    return SIGNATURE + _png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + _png_chunk(b"sRGB", _COLOUR)
 
 
-def _packed(image: np.ndarray) -> bytes:
+def _filter_and_deflate(image: np.ndarray) -> bytes:
     """Rows filtered by the filter with the least sum of absolute differences, then deflated."""
     h, w, _ = image.shape
     rows = np.ascontiguousarray(image).reshape(h, 3 * w)
@@ -43,13 +43,13 @@ def _packed(image: np.ndarray) -> bytes:
     return zlib.compress(lines.tobytes(), 7)
 
 
-def still(image: np.ndarray) -> bytes:
+def encode_png(image: np.ndarray) -> bytes:
     """The file's bytes for one image (h, w, 3)."""
     h, w, _ = image.shape
-    return _header(w, h) + _chunk(b"IDAT", _packed(image)) + _chunk(b"IEND", b"")
+    return _png_header(w, h) + _png_chunk(b"IDAT", _filter_and_deflate(image)) + _png_chunk(b"IEND", b"")
 
 
-def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
+def changed_pixels_box(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
     """Smallest box (top, bottom, left, right; ends excluded) that holds every changed pixel; one pixel if none did."""
     differs = np.any(before != after, axis=2)
     rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
@@ -58,29 +58,29 @@ def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
-def animation(images: Sequence[np.ndarray], fps: float) -> bytes:
+def encode_animated_png(images: Sequence[np.ndarray], fps: float) -> bytes:
     """The bytes of an animated PNG that repeats for ever. Frames after the first hold only the box that changed.
 
     fps: frames a second, kept to a thousandth. Readers without animation show the first image.
     """
     h, w, _ = images[0].shape
-    parts = [_header(w, h), _chunk(b"acTL", struct.pack(">II", len(images), 0))]
+    parts = [_png_header(w, h), _png_chunk(b"acTL", struct.pack(">II", len(images), 0))]
     number = 0
     for k, image in enumerate(images):
-        top, bottom, left, right = (0, h, 0, w) if k == 0 else changed(images[k - 1], image)
-        control = struct.pack(">IIIIIHHBB", number, right - left, bottom - top, left, top, *_delay(fps), 0, 0)
-        parts.append(_chunk(b"fcTL", control))
+        top, bottom, left, right = (0, h, 0, w) if k == 0 else changed_pixels_box(images[k - 1], image)
+        control = struct.pack(">IIIIIHHBB", number, right - left, bottom - top, left, top, *_frame_delay_fraction(fps), 0, 0)
+        parts.append(_png_chunk(b"fcTL", control))
         number += 1
-        data = _packed(image[top:bottom, left:right])
+        data = _filter_and_deflate(image[top:bottom, left:right])
         if k == 0:
-            parts.append(_chunk(b"IDAT", data))
+            parts.append(_png_chunk(b"IDAT", data))
         else:
-            parts.append(_chunk(b"fdAT", struct.pack(">I", number) + data))
+            parts.append(_png_chunk(b"fdAT", struct.pack(">I", number) + data))
             number += 1
-    return b"".join([*parts, _chunk(b"IEND", b"")])
+    return b"".join([*parts, _png_chunk(b"IEND", b"")])
 
 
-def _delay(fps: float) -> tuple[int, int]:
+def _frame_delay_fraction(fps: float) -> tuple[int, int]:
     """Seconds a frame as a fraction of 16-bit integers."""
     if fps == int(fps) and fps < 65536:
         return 1, int(fps)

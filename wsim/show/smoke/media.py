@@ -8,23 +8,24 @@ import warp as wp
 
 from wsim.kernels.picture import smoke
 from wsim.model import kernel_cache
-from wsim.show.smoke.read import Density, Smoke
+from wsim.show.smoke.read import SmokeDensity, SmokeVolume
 
 BLOCKS = 96                # along the longest edge of what is drawn: of light, and of two steps of a ray
 
 
-class Media:
+class SmokeMedia:
     """All smoke of an image. center, scale: world [m] to the lengths of the caster."""
 
-    def __init__(self, clouds: Sequence[tuple[Smoke, Density]], eye: np.ndarray, center: np.ndarray, scale: float):
-        def far(cloud: tuple[Smoke, Density]) -> float:
+    def __init__(self, clouds: Sequence[tuple[SmokeVolume, SmokeDensity]], eye: np.ndarray, center: np.ndarray, scale: float):
+        def negative_eye_distance(cloud: tuple[SmokeVolume, SmokeDensity]) -> float:
             _, density = cloud
             middle = density.world @ np.append(0.5 * np.array(density.values.shape), 1.0)
             return -float(np.linalg.norm(middle[:3] - eye))
 
         with kernel_cache.GATE.alone(), kernel_cache.without_header():
-            kernel_cache.load(smoke, wp.get_device())
-        self.media = [_medium(*cloud, center, scale) for cloud in sorted(clouds, key=far)]         # what is far first
+            kernel_cache.load_kernel_module(smoke, wp.get_device())
+        # what is far first
+        self.media = [_smoke_medium(*cloud, center, scale) for cloud in sorted(clouds, key=negative_eye_distance)]
 
     def light(self, surfaces: Any, view: Any, samples: Any, light: wp.array, other: wp.array) -> tuple[wp.array, wp.array]:
         """Lights all smoke, and shades what is behind it; returns (light, other) as they are now."""
@@ -34,7 +35,7 @@ class Media:
             light, other = other, light
         return light, other
 
-    def develop(self, samples: Any, view: Any, light: wp.array, out: wp.array) -> None:
+    def develop_with_smoke(self, samples: Any, view: Any, light: wp.array, out: wp.array) -> None:
         seen, other = (wp.full(light.shape, wp.vec4(0.0, 0.0, 0.0, 1.0), dtype=wp.vec4) for _ in range(2))
         for medium in self.media:
             wp.launch(smoke.march_smoke, dim=light.shape, inputs=[medium, view, samples, seen], outputs=[other])
@@ -42,11 +43,11 @@ class Media:
         wp.launch(smoke.develop_smoke, dim=out.shape[:2], inputs=[samples, view, light, seen], outputs=[out])
 
 
-def _medium(cloud: Smoke, density: Density, center: np.ndarray, scale: float) -> Any:
+def _smoke_medium(cloud: SmokeVolume, density: SmokeDensity, center: np.ndarray, scale: float) -> Any:
     back = density.world[:3, :3] / scale
     corner = (density.world[:3, 3] - center) / scale
     turn = np.linalg.inv(back)
-    found = smoke.Medium()
+    found = smoke.SmokeMedium()
     found.density = wp.array(density.values, dtype=float)
     found.block = -(-max(density.values.shape) // BLOCKS)
     found.lit = wp.zeros(tuple(-(-n // found.block) for n in density.values.shape), dtype=float)

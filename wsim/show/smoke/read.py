@@ -17,7 +17,7 @@ DENSE = 25.0                          # optical depth of smoke of 1 along the lo
 
 
 @dataclass(frozen=True)
-class Density:
+class SmokeDensity:
     """values (nx, ny, nz) float32; world (4, 4) from the index of a voxel [m]."""
 
     values: np.ndarray
@@ -25,12 +25,12 @@ class Density:
 
 
 @dataclass
-class Smoke:
+class SmokeVolume:
     """A volume of a stage. at(time code) is its density, or None where there is none to draw: no file, no smoke."""
 
     path: str
     albedo: np.ndarray
-    at: Callable[[float], Density | None]
+    at: Callable[[float], SmokeDensity | None]
     corners: Callable[[float], np.ndarray]        # (8, 3) of its box, world [m]
     times: list[float]                            # of its samples
 
@@ -51,7 +51,7 @@ class Smoke:
         return DENSE / max(float(edges.max()), 1e-9)
 
 
-def smoke(prim: Usd.Prim, folder: str, meters: float, notes: list[str]) -> Smoke | None:
+def read_smoke_volume(prim: Usd.Prim, folder: str, meters: float, notes: list[str]) -> SmokeVolume | None:
     """The smoke of a Volume prim, or None with a note. folder: of the stage's file, to which paths are relative that the
     layer of a run that goes on does not resolve."""
     volume = UsdVol.Volume(prim)
@@ -65,13 +65,13 @@ def smoke(prim: Usd.Prim, folder: str, meters: float, notes: list[str]) -> Smoke
     files = field.GetFilePathAttr()
     name = field.GetFieldNameAttr().Get() or "density"
 
-    def at(t: float) -> Density | None:
+    def smoke_density_at(t: float) -> SmokeDensity | None:
         asset = files.Get(t)
         path = asset and (asset.resolvedPath or os.path.normpath(os.path.join(folder, asset.path)))
         if not path:
             return None
         try:
-            found = _read(path, name)
+            found = _read_density_grid(path, name)
         except (OSError, ValueError) as error:
             if (note := f"{prim.GetPath()}: is not drawn at time code {t:g}: {error}") not in notes:
                 notes.append(note)
@@ -79,36 +79,36 @@ def smoke(prim: Usd.Prim, folder: str, meters: float, notes: list[str]) -> Smoke
         if found is None or not found[0].any():
             return None
         values, local = found
-        return Density(values, _scaled(meters) @ _matrix(field.GetPrim(), t) @ local)
+        return SmokeDensity(values, _scaling_to_meters(meters) @ _volume_to_world_matrix(field.GetPrim(), t) @ local)
 
-    def corners(t: float) -> np.ndarray:
+    def smoke_box_corners_at(t: float) -> np.ndarray:
         extent = volume.GetExtentAttr().Get(t)
         if extent is None or len(extent) != 2:
-            density = at(t)
+            density = smoke_density_at(t)
             if density is None:
                 return np.zeros((8, 3))
             ends, M = np.array([np.full(3, -0.5), np.array(density.values.shape) - 0.5]), density.world
         else:
-            ends, M = np.array(extent, np.float64), _scaled(meters) @ _matrix(prim, t)
+            ends, M = np.array(extent, np.float64), _scaling_to_meters(meters) @ _volume_to_world_matrix(prim, t)
         box = np.array(np.meshgrid(*ends.T, indexing="ij")).reshape(3, -1)
         return (M[:3, :3] @ box + M[:3, 3:]).T
 
     albedo = np.array(colors[0] if colors else ALBEDO, np.float64)
-    return Smoke(str(prim.GetPath()), albedo, at, corners, list(files.GetTimeSamples()))
+    return SmokeVolume(str(prim.GetPath()), albedo, smoke_density_at, smoke_box_corners_at, list(files.GetTimeSamples()))
 
 
-def _matrix(prim: Usd.Prim, t: float) -> np.ndarray:
+def _volume_to_world_matrix(prim: Usd.Prim, t: float) -> np.ndarray:
     return np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(t)).T
 
 
-def _scaled(meters: float) -> np.ndarray:
+def _scaling_to_meters(meters: float) -> np.ndarray:
     return np.diag([meters, meters, meters, 1.0])
 
 
 @lru_cache(maxsize=2)
-def _read(path: str, name: str) -> tuple[np.ndarray, np.ndarray] | None:
+def _read_density_grid(path: str, name: str) -> tuple[np.ndarray, np.ndarray] | None:
     """Density and the matrix from index to the volume's frame; None where the file has no such field."""
-    grid = vdb_read.read(path, (name,)).get(name)
+    grid = vdb_read.read_vdb(path, (name,)).get(name)
     if grid is None or grid.components != 1:
         return None
     M = np.diag([*grid.voxel, 1.0])
@@ -116,7 +116,7 @@ def _read(path: str, name: str) -> tuple[np.ndarray, np.ndarray] | None:
     return np.maximum(np.nan_to_num(grid.values.astype(np.float32)), 0.0), M
 
 
-def beads(density: Density, extinction: float) -> tuple[np.ndarray, np.ndarray]:
+def smoke_beads(density: SmokeDensity, extinction: float) -> tuple[np.ndarray, np.ndarray]:
     """Smoke as spheres, for viewers that draw no volume: places (n, 3) and radii (n,) [m], of blocks of voxels, as few as
     `MOST_BEADS`; as large as what they hold keeps light back, up to the block."""
     values = density.values

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Capture:
+class GraphCapture:
     """One capture. form: of the frames that the graph is for, "with contacts" or "without contacts"."""
 
     frame: int
@@ -31,13 +31,14 @@ class Capture:
     seconds: float
 
 
-class Graphs(dict[object, wp.Graph]):
-    """Captured graphs by form of a frame: without contacts (True), with them (False), and see `wsim.simulation.live.prepare`.
-    wanted: False where so few frames are to come that launching them one by one takes less than a capture."""
+class FrameGraphs(dict[object, wp.Graph]):
+    """Captured graphs by form of a frame: without contacts (True), with them (False), and see
+    `wsim.simulation.live.prepare_live_use`. wanted: False where so few frames are to come that launching them one by one takes
+    less than a capture."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.log: list[Capture] = []
+        self.log: list[GraphCapture] = []
         self.wanted = True
         self.whys: dict[str, str] = {}         # reason of the next capture of a form, if it is not the first
 
@@ -50,10 +51,10 @@ class Graphs(dict[object, wp.Graph]):
     def capture(self, device, frame: int, form: str, launch: Callable[[], None]) -> wp.Graph:
         """A graph of what `launch` launches, which is not kept here. frame: the number of the frame to come."""
         began = time.perf_counter()
-        with kernel_cache.capture(device) as capture:
+        with kernel_cache.capture_graph(device) as capture:
             launch()
         why = self.whys.pop(form, f"the first frame {form}")
-        self.log.append(Capture(frame, form, why, time.perf_counter() - began))
+        self.log.append(GraphCapture(frame, form, why, time.perf_counter() - began))
         return capture.graph
 
     def told(self) -> list[dict]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 
-def columns(rows: Sequence[Sequence[str]], sides: str, widths: Sequence[int | None] = (), gap: str = "  ") -> list[str]:
+def text_columns(rows: Sequence[Sequence[str]], sides: str, widths: Sequence[int | None] = (), gap: str = "  ") -> list[str]:
     """A line for each row, its cells in columns.
 
     sides    "<" or ">" for each column: where its cells stand      widths   of the first columns; None, or none given: that of

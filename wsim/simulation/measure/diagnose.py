@@ -7,65 +7,65 @@ one launch is run with fewer of them, by bisection. This costs what reading the 
 import numpy as np
 import warp as wp
 
-from wsim.model.midnodes import places
+from wsim.model.midnodes import places_with_midnodes
 from wsim.model.stage import MISSED, THROWN
 from wsim.physics.motion.points import NOT_FINITE
 from wsim.scene import Problem, SceneError
-from wsim.simulation.plan import Plan
+from wsim.simulation.plan import SimulationPlan
 
 
-def first(plan: Plan, time: float) -> str:
+def first_fault_of_frame(plan: SimulationPlan, time: float) -> str:
     """Text of the first fault of the frame that begins at `time` [s] with the state's snapshot; "" where it ends well this
     time."""
     clock, tape = plan.clock, plan.model.tape
     substeps, dt, plan.model.tape = clock.substeps, clock.dt, None
 
-    def run(count: int) -> tuple:
+    def run_fewer_substeps(count: int) -> tuple:
         clock.substeps, clock.dt = count, dt * count / substeps
-        plan.state.restore()
+        plan.state.restore_snapshot()
         plan.before_frame(time)
-        return _run(plan)
+        return _run_looking_at_arrays(plan)
     try:
-        found = run(substeps)
+        found = run_fewer_substeps(substeps)
         if not found or found[1] is None or found[1].rate != "frame" or found[1].phase != "predict":
-            return words(plan, substeps, *found) if found else ""
+            return describe_first_fault(plan, substeps, *found) if found else ""
         good, bad = 0, substeps
         while bad - good > 1:
             middle = (good + bad) // 2
-            good, bad = (good, middle) if run(middle) else (middle, bad)
-        _, stage, arrays = run(bad)
-        return words(plan, substeps, bad - 1, stage, arrays)
+            good, bad = (good, middle) if run_fewer_substeps(middle) else (middle, bad)
+        _, stage, arrays = run_fewer_substeps(bad)
+        return describe_first_fault(plan, substeps, bad - 1, stage, arrays)
     except RuntimeError:
         return ""
     finally:
         clock.substeps, clock.dt, plan.model.tape = substeps, dt, tape
-        plan.state.restore()
+        plan.state.restore_snapshot()
 
 
-def _run(plan: Plan) -> tuple:
+def _run_looking_at_arrays(plan: SimulationPlan) -> tuple:
     """(substep, stage, arrays) after which something first was no number; stage None: at the begin. Empty: all went well."""
     arrays = {(part.name, f.name): part.arrays[f.name] for part in plan.state.parts.values() for f in part.fields}
     for part in plan.state.parts.values():
         for f in part.fields:
             if not f.persistent:
                 part.arrays[f.name].zero_()              # nothing of it is read before it is written
-    start = _bad(arrays)
+    start = _first_bad_rows(arrays)
     if start:
         return 0, None, start
     found: list[tuple] = []
     stages = [s for m in plan.methods for s in m.stages]
     launches = [s.launch for s in stages]
 
-    def looking(stage, launch):
-        def look(clock) -> None:
+    def launch_with_check(stage, launch):
+        def check_after_launch(clock) -> None:
             launch(clock)
-            bad = {} if found else _bad(arrays)
+            bad = {} if found else _first_bad_rows(arrays)
             if bad:
                 found.append((clock.k, stage, bad))
-        return look
+        return check_after_launch
     try:
         for stage, launch in zip(stages, launches, strict=True):
-            stage.launch = looking(stage, launch)
+            stage.launch = launch_with_check(stage, launch)
         plan.stretch(0, plan.clock.substeps)
     finally:
         for stage, launch in zip(stages, launches, strict=True):
@@ -73,7 +73,7 @@ def _run(plan: Plan) -> tuple:
     return found[0] if found else ()
 
 
-def _bad(arrays: dict[tuple, wp.array]) -> dict[tuple, int]:
+def _first_bad_rows(arrays: dict[tuple, wp.array]) -> dict[tuple, int]:
     """First row that is not finite of each array that has one."""
     found = {}
     for name, array in arrays.items():
@@ -84,7 +84,7 @@ def _bad(arrays: dict[tuple, wp.array]) -> dict[tuple, int]:
     return found
 
 
-def judge(recording, long: str) -> None:
+def judge_recorded_run(recording, long: str) -> None:
     """Judges what a `wsim.gradient.recording.Recording` has run into: warns of residuals (long: of explicit steps). Raises
     SceneError where a position is no number."""
     plan, status = recording.plan, recording.plan.status
@@ -96,9 +96,9 @@ def judge(recording, long: str) -> None:
             recording.pose(frame)
             for part in range(len(recording.cuts) - 1):
                 recording.forward(frame, part)
-        plan.state.snapshot()
+        plan.state.take_snapshot()
         plan.clock.starting = recording.begins and bad == 1
-        said = first(plan, (recording.start + bad - 1) / recording.sim.scene.fps)
+        said = first_fault_of_frame(plan, (recording.start + bad - 1) / recording.sim.scene.fps)
         raise SceneError(Problem("frame", f"a position is no number in frame {recording.start + bad}{said and f' ({said})'}; "
                                  "give it more substeps, or fewer frames"))
     if lost := next((name for name in status.places if name.endswith(": not finite") and status.said(name)[0]), ""):
@@ -110,10 +110,10 @@ def judge(recording, long: str) -> None:
                        "Euler. Take more iterations or smaller substeps")
 
 
-def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[tuple, int]) -> str:
+def describe_first_fault(plan: SimulationPlan, substeps: int, substep: int, stage, arrays: dict[tuple, int]) -> str:
     """arrays: row that is not finite, by part and field; substep of substeps: as `wsim.model.stage.Clock` counts them."""
     part, name = next((("points", n) for n in ("d", "v", "x") if ("points", n) in arrays), next(iter(arrays)))
-    body, point = author(plan, part, arrays[part, name])
+    body, point = author_of_row(plan, part, arrays[part, name])
     meaning = next(f.meaning for f in plan.state.parts[part].fields if f.name == name)
     solves = plan.clock.integrator.solves
     where = "when the frame begins" if stage is None else (
@@ -123,7 +123,7 @@ def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[tuple, in
     return f"first {where}: array {name} ({meaning}) of {row}"
 
 
-def author(plan: Plan, part: str, place: int) -> tuple[str, int]:
+def author_of_row(plan: SimulationPlan, part: str, place: int) -> tuple[str, int]:
     """Path of the body, and number of the author's point (of another part: of the body's row), at a row of a part."""
     model = plan.model
     if part != "points":
@@ -131,7 +131,7 @@ def author(plan: Plan, part: str, place: int) -> tuple[str, int]:
                           ("/", np.array([place])))             # a list of pairs belongs to no prim
         return path, int(np.flatnonzero(rows == place)[0])
     body = next(b for b in model.bodies if b.first <= place < b.last)
-    where = np.flatnonzero(places(body) == place)
+    where = np.flatnonzero(places_with_midnodes(body) == place)
     if not len(where):                                        # another body's point stands for it
         return body.path, -1
     return body.path, int(where[0]) if where[0] < len(body.index) else int(body.ends[where[0] - len(body.index), 0])

@@ -10,7 +10,7 @@ import numpy as np
 
 from wsim.model.model import edge_lengths
 from wsim.model.stage import STRETCHED, THROWN, UNSOLVED
-from wsim.physics.motion.overstretch import MOST
+from wsim.physics.motion.divergence_monitor import MOST
 from wsim.scene import Cloth
 
 EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are too long for it; give more substeps, or solver "
@@ -24,7 +24,7 @@ NOTHING = "1 is as if nothing had been solved; give more substeps or iterations,
 
 
 @dataclass
-class Note:
+class ExceededNote:
     """place: of the warning among all."""
 
     place: int
@@ -34,28 +34,28 @@ class Note:
     count: int = 1
 
 
-def note(sim) -> None:
+def note_exceeded_limits(sim) -> None:
     """Notes limits that were exceeded, after frame `sim.frame`, which holds."""
     status = sim.plan.status
     for method in sim.plan.methods:
         for key, value, said in method.notes(status):
-            _add(sim, key, value, said)
+            _add_exceeded_note(sim, key, value, said)
     if not status.words.any():
         return
     bodies, explicit = sim.model.bodies, sim.plan.choice.solver == "explicit"
     unsolved = BEHIND if sim.plan.hard else NOTHING
     stretched = status.said(STRETCHED)
     if status.said(THROWN)[0] and not stretched.any():            # a march, which does not say where
-        stretched = _stretches(sim)
+        stretched = _stretched_percent(sim)
     beyond = [(int(place), True, stretched[place]) for place in np.flatnonzero(stretched)]
     left = status.said(UNSOLVED)
-    beyond += [(_first(sim.model, int(system)), False, left[system]) for system in np.flatnonzero(left)]
+    beyond += [(_first_body_of_system(sim.model, int(system)), False, left[system]) for system in np.flatnonzero(left)]
     for place, strained, percent in beyond:
         value, body = float(percent) / 100.0, bodies[place]
         where = body.path + f" (world {body.world})" * (sim.worlds > 1)
         said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
                 else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")
-        _add(sim, (bool(strained), where), value, said)
+        _add_exceeded_note(sim, (bool(strained), where), value, said)
 
 
 def warn_of_depth(sim, depth: float) -> list[str]:
@@ -71,10 +71,10 @@ def warn_of_depth(sim, depth: float) -> list[str]:
             "wsim:selfCollision"]
 
 
-def _add(sim, key: tuple, value: float, text: str) -> None:
+def _add_exceeded_note(sim, key: tuple, value: float, text: str) -> None:
     found = sim.notes.get(key)
     if found is None:
-        found = sim.notes[key] = Note(len(sim.warnings), sim.frame, value, sim.frame)
+        found = sim.notes[key] = ExceededNote(len(sim.warnings), sim.frame, value, sim.frame)
         sim.warnings.append("")
     else:
         found.count += 1
@@ -86,12 +86,12 @@ def _add(sim, key: tuple, value: float, text: str) -> None:
     sim.warnings[found.place] = f"{frames}: {text.format(worst=worst)}"
 
 
-def _first(model, system: int) -> int:
+def _first_body_of_system(model, system: int) -> int:
     """Number of the first body of a system."""
     return next(k for k, b in enumerate(model.bodies) if b.first == model.starts[system])
 
 
-def _stretches(sim) -> np.ndarray:
+def _stretched_percent(sim) -> np.ndarray:
     """As the status has it, from the positions."""
     x, found = sim.state.x.numpy().astype(np.float64), []
     for b in sim.model.bodies:

@@ -13,7 +13,7 @@ SETTLED = 2            # frames that are not counted: tables are made in them
 LEAST = 1e-3           # [ms] a frame: less is not told
 
 
-class Host:
+class HostTimes:
     """Seconds by what they were spent on."""
 
     def __init__(self):
@@ -34,7 +34,7 @@ class Host:
         for method in sim.plan.methods:
             self.call(method.name, method.before_frame, sim.time, sim.plan.clock)
 
-    def end_frame(self, frame: int) -> None:
+    def count_host_frame(self, frame: int) -> None:
         """A frame is done; frame: its number, 1 for the first."""
         if frame <= SETTLED:
             self.seconds.clear()

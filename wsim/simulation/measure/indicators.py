@@ -16,18 +16,18 @@ from math import inf, isfinite
 import numpy as np
 import warp as wp
 
-from wsim.model.model import Body, edge_lengths
+from wsim.model.model import PointBody, edge_lengths
 from wsim.scene import Pin
 from wsim.scene.curve import Curve
-from wsim.simulation.duration import missed
+from wsim.simulation.duration import warn_of_missed_rate
 from wsim.simulation.measure.exceeded import warn_of_depth
-from wsim.simulation.plan import Plan
+from wsim.simulation.plan import SimulationPlan
 
 STILL = 1e-6          # of what gravity would give over the size of a body: less turned over is what float32 leaves of rest
 PLACED = 1e-5         # of the size of a body that a pin may be away from its points
 
 
-def edge_strain(body: Body, x: np.ndarray) -> np.ndarray:
+def edge_strain(body: PointBody, x: np.ndarray) -> np.ndarray:
     """Signed strain of every edge with a rest length, (m,)."""
     rest = edge_lengths(body)
     good = rest > 0.0
@@ -35,12 +35,12 @@ def edge_strain(body: Body, x: np.ndarray) -> np.ndarray:
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / rest[good] - 1.0
 
 
-def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+def gather_indicators(plan: SimulationPlan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     """Indicators of every method and of the points: strain, energies [J], and what each method adds.
 
     x [m] relative to each body's origin and v [m/s], solver order, float64.
     """
-    out = _of_points(plan, x, v) if plan.model.bodies else {}
+    out = _indicators_of_points(plan, x, v) if plan.model.bodies else {}
     for method in plan.methods:
         out |= method.indicators(x, v)
     if plan.model.bodies:
@@ -48,7 +48,7 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     return out
 
 
-def _of_points(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+def _indicators_of_points(plan: SimulationPlan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     model, points = plan.model, plan.ports.points
     masses = model.stack("masses")
     masses[model.gone] = 0.0
@@ -69,10 +69,10 @@ def _of_points(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
 # what the integrator itself takes away
 
 @dataclass
-class Balance:
+class IntegratorBalance:
     """A run from where it was last placed, in which nothing but its integrator takes energy."""
 
-    plan: Plan
+    plan: SimulationPlan
     frame: int                    # where it begins
     state: wp.array               # all persistent fields there
     changes: int                  # live parameters that had been set
@@ -95,12 +95,12 @@ class Balance:
         now, plan = sim.indicators(), self.plan
         turned = [t.q for t in plan.solids]                  # rotations of the present state, from which others are sought
         kept = [wp.clone(q) for q in turned]
-        plan.state.snapshot()
+        plan.state.take_snapshot()
         wp.copy(plan.state.points.every, self.state)
         for table in plan.solids:
             table.forget()
         first = sim.indicators()
-        plan.state.restore()
+        plan.state.restore_snapshot()
         for q, before in zip(turned, kept, strict=True):
             wp.copy(q, before)
         own = [e["kinetic_energy"] + e.get("elastic_energy", 0.0) for e in (first, now)]
@@ -113,15 +113,15 @@ class Balance:
                 "energy_change_seconds": (sim.frame - self.frame) / sim.scene.fps}
 
 
-def balance(sim) -> Balance | None:
+def begin_integrator_balance(sim) -> IntegratorBalance | None:
     """Energy balance of a run that begins here by an implicit integrator; None where something else takes energy or gives
     some."""
-    if not sim.model.bodies or sim.plan.choice.integrator.explicit or not closed(sim):
+    if not sim.model.bodies or sim.plan.choice.integrator.explicit or not energy_is_conserved(sim):
         return None
-    return Balance(sim.plan, sim.frame, wp.clone(sim.state.points.every), len(sim.changes))
+    return IntegratorBalance(sim.plan, sim.frame, wp.clone(sim.state.points.every), len(sim.changes))
 
 
-def closed(sim) -> bool:
+def energy_is_conserved(sim) -> bool:
     """True if energy stays: no contacts, damping, drag, limits, pressure or loads, and pins that hold points where they are."""
     scene = sim.scene
     lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying or scene.loads)]
@@ -129,10 +129,10 @@ def closed(sim) -> bool:
     lossy += [c.material.damping or c.feels_air or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
     lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]
-    return not (any(lossy) or scene.others) and all(_stays(sim, pin) for pin in scene.pins)
+    return not (any(lossy) or scene.others) and all(_pin_stays_in_place(sim, pin) for pin in scene.pins)
 
 
-def _stays(sim, pin: Pin) -> bool:
+def _pin_stays_in_place(sim, pin: Pin) -> bool:
     """Whether a pin is hard, does not move, and finds its points where it holds them."""
     if pin.follows is not None or pin.stiffness < inf or np.ptp(pin.motion.values, axis=0).any():
         return False
@@ -142,10 +142,10 @@ def _stays(sim, pin: Pin) -> bool:
     return bool(np.abs(sim.positions(pin.body)[pin.points] - held).max(initial=0.0) <= PLACED * np.ptp(start, axis=0).max())
 
 
-def profile(plan: Plan) -> dict[str, float]:
+def profile_stages(plan: SimulationPlan) -> dict[str, float]:
     """Milliseconds a substep of each stage, launched one by one from the current state, which is put back."""
     from time import perf_counter
-    plan.state.snapshot()
+    plan.state.take_snapshot()
     spent: dict[str, float] = {}
     clock, repeats = plan.clock, 3
     device = plan.model.device
@@ -159,11 +159,11 @@ def profile(plan: Plan) -> dict[str, float]:
             stage.launch(clock)
         wp.synchronize_device(device)
         spent[stage.name] = 1e3 * times * (perf_counter() - began) / repeats
-    plan.state.restore()
+    plan.state.restore_snapshot()
     return spent
 
 
-def rows(plan: Plan) -> tuple[int, int]:
+def count_constraint_rows(plan: SimulationPlan) -> tuple[int, int]:
     """Springs, triangles, hinges, limits, tets of all methods; and how many are worked on in a substep: once each in a sweep, a
     Newton step, an evaluation of the forces."""
     clock, integrator, found = plan.clock, plan.choice.integrator, plan.ports.constraint_rows
@@ -172,23 +172,23 @@ def rows(plan: Plan) -> tuple[int, int]:
     return hard + soft, hard * clock.iterations + soft * (integrator.forces if integrator.explicit else clock.iterations)
 
 
-def _limits(sim) -> str:
+def _acting_limits_text(sim) -> str:
     """How many tethers and strain limits act now, in words."""
-    from wsim.simulation.measure.limits import acting, told
-    return told(acting(sim.plan, sim.state.x.numpy().astype(np.float64)))
+    from wsim.simulation.measure.limits import acting_limits, describe_acting_limits
+    return describe_acting_limits(acting_limits(sim.plan, sim.state.x.numpy().astype(np.float64)))
 
 
-def report(sim, with_profile: bool = True) -> dict:
+def make_run_report(sim, with_profile: bool = True) -> dict:
     """Report of what ran and how well, ready for JSON. ms of a stage are those of single launches, without the graph's
     saving."""
     plan, times = sim.plan, sim.milliseconds
     later = times[1:] or times
     ms = float(np.mean(later)) if later else 0.0
     error = sim.indicators() | (sim.balance.change(sim) if sim.balance else {})          # of the state before it is profiled
-    limits = {"limits": _limits(sim)} if plan.hard else {}
+    limits = {"limits": _acting_limits_text(sim)} if plan.hard else {}
     deep = warn_of_depth(sim, error.get("penetration", 0.0))
-    spent = profile(plan) if with_profile and sim.frame else {}
-    constraints, a_substep = rows(plan)
+    spent = profile_stages(plan) if with_profile and sim.frame else {}
+    constraints, a_substep = count_constraint_rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
     forms = {"forms": dict(sim.forms)} if plan.parted else {}
     sizes = {name: sum(map(len, part.rows.values())) or part.count                     # strands of all lengths have equal rows
@@ -210,7 +210,7 @@ def report(sim, with_profile: bool = True) -> dict:
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
         "skipped": plan.skipped, "repeats": list(sim.repeats),
-        "warnings": [*sim.warnings, *missed(sim.fps, later), *deep,
+        "warnings": [*sim.warnings, *warn_of_missed_rate(sim.fps, later), *deep,
                      *(w for each in (sim.measured, sim.settled) if each for w in each.warnings())],
         **({"balance": watch.report()} if (watch := plan.ports.balance) else {}), **limits, **forms,
     }

@@ -5,13 +5,13 @@ are looks, not accuracy: a square metre of cotton that hung by two corners was m
 import numpy as np
 
 from wsim.physics.cloth.constraints import LOOKS
-from wsim.physics.cloth.kind import row
-from wsim.simulation.plan import Plan
+from wsim.physics.cloth.kind import kind_row
+from wsim.simulation.plan import SimulationPlan
 
 CLOSE = 1e-3           # of its longest that an edge or tether may be shorter and still counts as held
 
 
-def acting(plan: Plan, x: np.ndarray) -> dict[str, tuple[int, int]]:
+def acting_limits(plan: SimulationPlan, x: np.ndarray) -> dict[str, tuple[int, int]]:
     """Constraints of each hard kind that act, and all there are. x: positions relative to origins [m], solver order."""
     found: dict[str, tuple[int, int]] = {}
     for batch in plan.ports.xpbd_batches:
@@ -23,7 +23,7 @@ def acting(plan: Plan, x: np.ndarray) -> dict[str, tuple[int, int]]:
     return {kind: counts for kind, counts in found.items() if counts[1]}
 
 
-def told(found: dict[str, tuple[int, int]]) -> str:
+def describe_acting_limits(found: dict[str, tuple[int, int]]) -> str:
     """Text of the limits that act; "" where there is none."""
-    parts = [f"{held} of {every} {row(kind).held}" for kind, (held, every) in found.items()]
+    parts = [f"{held} of {every} {kind_row(kind).held}" for kind, (held, every) in found.items()]
     return f"{' and '.join(parts)}: {LOOKS}" if parts else ""

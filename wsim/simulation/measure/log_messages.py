@@ -9,7 +9,7 @@ import logging
 import time
 from typing import TYPE_CHECKING
 
-from wsim.simulation.duration import duration
+from wsim.simulation.duration import format_duration
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
@@ -51,4 +51,4 @@ class LogMessages:
             self.last = now
             left = max(0, sim.scene.frames - sim.frame) * 1e-3 * sim.milliseconds[-1]
             LOGGER.info("frame %d of %d, %.3g ms a frame, %s left", sim.frame, sim.scene.frames, sim.milliseconds[-1],
-                        duration(left))
+                        format_duration(left))

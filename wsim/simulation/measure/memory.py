@@ -16,7 +16,7 @@ from wsim.scene import Problem, Scene, SceneError
 LARGE = 200_000        # points, cells and particles of all worlds, from which it is counted before they are made
 
 
-def size(count: float) -> str:
+def format_bytes(count: float) -> str:
     """Bytes in words."""
     for unit in ("bytes", "KiB", "MiB", "GiB"):
         if count < 1024.0 or unit == "GiB":
@@ -25,7 +25,7 @@ def size(count: float) -> str:
     return f"{count:.4g} {unit}"
 
 
-def held(root: Any) -> int:
+def bytes_held_by(root: Any) -> int:
     """Bytes of the arrays that an object of wsim holds: in its attributes, their tables, structs and functions."""
     seen: dict[int, Any] = {}
     sizes: dict[int, int] = {}
@@ -40,11 +40,11 @@ def held(root: Any) -> int:
                 thing = thing._ref
             sizes[thing.ptr or 0] = thing.capacity
         else:
-            left += _within(thing)
+            left += _members_of_object(thing)
     return sum(sizes.values())
 
 
-def _within(thing: Any) -> list:
+def _members_of_object(thing: Any) -> list:
     if isinstance(thing, dict):
         return list(thing.values())
     if isinstance(thing, (list, tuple, set)):
@@ -59,7 +59,7 @@ def _within(thing: Any) -> list:
 
 
 @dataclass
-class Worlds:
+class MemoryForWorlds:
     """Memory for `count` worlds at once. each: bytes of one; free: bytes that are there; where: the device's name."""
 
     count: int
@@ -68,10 +68,10 @@ class Worlds:
     where: str
 
     @staticmethod
-    def of(one, count: int) -> "Worlds":
+    def of(one, count: int) -> "MemoryForWorlds":
         """So many worlds as a simulation of one, and what is free where it stands, without it."""
-        each = held(one)
-        return Worlds(count, each, free(one.device) + each, str(one.device))
+        each = bytes_held_by(one)
+        return MemoryForWorlds(count, each, free_bytes(one.device) + each, str(one.device))
 
     @property
     def fit(self) -> int:
@@ -81,25 +81,26 @@ class Worlds:
     def check(self) -> None:
         """Raises SceneError where there is too little."""
         if self.count * self.each > self.free:
-            need = size(self.count * self.each)
-            raise SceneError(Problem("worlds", f"{self.count} of {size(self.each)} each take {need}, and {size(self.free)} are "
+            need = format_bytes(self.count * self.each)
+            raise SceneError(Problem("worlds", f"{self.count} of {format_bytes(self.each)} each take {need}, and "
+                                               f"{format_bytes(self.free)} are "
                                      f"free on {self.where}: {self.fit} fit"))
 
 
-def many(scene: Scene, worlds: int) -> bool:
+def worlds_need_memory_check(scene: Scene, worlds: int) -> bool:
     """True if worlds of a scene are so much that their memory is counted first."""
     others = [thing for found in scene.others.values() for thing in found]
     one = sum(len(b.points) for b in scene.bodies()) + sum(getattr(thing, "elements", 1) for thing in others)
     return worlds > 1 and worlds * one > LARGE
 
 
-def fit(scene: Scene, worlds: int, one: Callable[[], Any]) -> None:
+def require_memory(scene: Scene, worlds: int, one: Callable[[], Any]) -> None:
     """Raises SceneError where so many worlds of a scene would take more memory than is free, told from one of them."""
-    if many(scene, worlds):
-        Worlds.of(one(), worlds).check()
+    if worlds_need_memory_check(scene, worlds):
+        MemoryForWorlds.of(one(), worlds).check()
 
 
-def refused(error: Exception, device) -> SceneError:
+def allocation_failure(error: Exception, device) -> SceneError:
     """A failed allocation in words; anything else as it is, an allocation where a graph allows none among them."""
     text = str(error).lower()
     if ("alloc" in text or "memory" in text) and "unsupported" not in text:
@@ -108,7 +109,7 @@ def refused(error: Exception, device) -> SceneError:
     raise error
 
 
-def free(device) -> float:
+def free_bytes(device) -> float:
     """Bytes that are free on a device; inf where nobody knows."""
     if device.is_cuda:
         return float(device.free_memory)

@@ -22,13 +22,13 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
-from wsim.model.midnodes import held
+from wsim.model.midnodes import held_with_midnodes
 from wsim.model.model import Model
 from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
-from wsim.scene.methods import every_pin
-from wsim.scene.values.coverage import refuse
-from wsim.simulation.plan import Plan
+from wsim.scene.methods import all_scene_pins
+from wsim.scene.values.coverage import gradient_refusal
+from wsim.simulation.plan import SimulationPlan
 
 
 @dataclass
@@ -43,7 +43,7 @@ class HeldPoints:
 
     @staticmethod
     def of(pin) -> "HeldPoints":
-        places, ends = held(pin.body, pin.pin.points)
+        places, ends = held_with_midnodes(pin.body, pin.pin.points)
         own = places[:len(pin.pin.points)]
         _, which, count = np.unique(own, return_inverse=True, return_counts=True)
         return HeldPoints(pin, places, ends, 1.0 / count[which])
@@ -71,15 +71,15 @@ class HeldPoints:
         return ((after - now) - (now - before)) / dt**2
 
 
-class Reactions:
+class PinReactions:
     """Reaction forces of pins of a plan; kernels of a module of their own, compiled when first asked for. Raises SceneError
     where tethers or strain limits act: these have no law of force."""
 
-    def __init__(self, plan: Plan):
+    def __init__(self, plan: SimulationPlan):
         self.plan, self.model = plan, plan.model
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
-                raise refuse("limits", c.path)
+                raise gradient_refusal("limits", c.path)
         pins = plan.ports.pins
         self.constants, self.held = plan.ports.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()
@@ -89,7 +89,7 @@ class Reactions:
         plan, own = self.plan, copy.copy(self.plan.model)
         own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
         own.tables = dict(own.tables)
-        self.pull = ForceGather(own, self.constants, soft(self.model), None, shared=False)
+        self.pull = ForceGather(own, self.constants, constraints_with_force(self.model), None, shared=False)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
             table.plastic = None
@@ -97,7 +97,7 @@ class Reactions:
                 if isinstance(getattr(live.data, name), wp.array):
                     setattr(table.data, name, getattr(live.data, name))
         flags = tuple((dict(self.pull.flags()) | {"lanes": 1}).items())
-        self.kernel = newton_adjoint.force(own.real, own.module, flags)
+        self.kernel = newton_adjoint.implicit_force_kernel(own.real, own.module, flags)
         vec3, n = types(own.real).vec3, own.points
         self.pair, self.f = (wp.zeros(k * n, dtype=vec3, device=own.device) for k in (4, 1))
         own.load()
@@ -172,34 +172,34 @@ class Reactions:
 
 def no_pin(model: Model, path: str | None, world: int) -> Problem:
     return Problem(path or "reactions", f"in world {world} is no pin; there are "
-                   f"{', '.join(p.path for p in every_pin(model.scene)) or 'none'} in worlds 0 to {model.worlds - 1}")
+                   f"{', '.join(p.path for p in all_scene_pins(model.scene)) or 'none'} in worlds 0 to {model.worlds - 1}")
 
 
-def soft(model: Model) -> list:
+def constraints_with_force(model: Model) -> list:
     """Constraints that have a law of force."""
     return [r for r in model.constraints if not r.hard]
 
 
-def looked(sim) -> Reactions:
+def current_reactions(sim) -> PinReactions:
     """Reactions of a simulation as it stands."""
     if sim.pulled is None or sim.pulled.plan is not sim.plan:
-        sim.pulled = Reactions(sim.plan)
+        sim.pulled = PinReactions(sim.plan)
     s = sim.state
     sim.pulled.see(s.x, s.e, s.v, sim.time)
     return sim.pulled
 
 
-def every(sim, path: str) -> np.ndarray:
+def reactions_in_all_worlds(sim, path: str) -> np.ndarray:
     """Reaction forces of a pin in all worlds [N], (worlds, points, 3)."""
-    found = looked(sim)
+    found = current_reactions(sim)
     return np.stack([found.of(path, world) for world in range(sim.worlds)])
 
 
-def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
+def reactions_of_pin(sim, path: str | None = None, world: int = 0) -> np.ndarray:
     """Reaction forces as `Simulation.reactions` returns them."""
     strands = sim.plan.ports.strand_reactions
     if strands and (path in strands.paths() or path is None and not sim.model.scene.pins and len(strands.paths()) == 1):
         return strands.of(path or strands.paths()[0], world, sim.time)
     if not sim.model.scene.pins:
         raise SceneError(no_pin(sim.model, path, world))
-    return looked(sim).of(path, world)
+    return current_reactions(sim).of(path, world)

@@ -80,10 +80,10 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     found["gravity"], found["air_drag"] = ArrayView(constants.gravity, points), ArrayView(constants.decay, points)
     if air := plan.ports.air:
         found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift", "normal_drag")}
-    return found | _materials(plan)
+    return found | _views_of_materials(plan)
 
 
-def _materials(plan) -> dict[str, ArrayView]:
+def _views_of_materials(plan) -> dict[str, ArrayView]:
     """Of whichever method solves for the forces."""
     twice = plan.ports.solve_adjoint is not None              # Newton's method keeps them for the solve and for its adjoint
     found, pull = {}, None if twice else plan.ports.force_gather

@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.geometry.rotation import matrix
+from wsim.geometry.rotation import quaternion_to_matrix
 from wsim.scene import Scene
 
 if TYPE_CHECKING:
-    from wsim.simulation.predicted.touching import Touches
+    from wsim.simulation.predicted.touching import TouchingPairs
 
 STEEP = 0.05           # cosine of a normal to gravity, below which nothing is borne along it
 LEVEL = 0.7            # from which what it bears may be set upright by it
@@ -36,7 +36,7 @@ ROUNDS = 4             # of leaving out contacts that pull
 SOLVED = 1e-6          # residual of the net over its load
 
 
-class Bodies:
+class BearingBodies:
     """Bodies of a scene as the net has them: (n,) arrays of bodies, (groups,) of what joints hold together.
 
     group   number of the group of a body         held     whether joints hold a group to the world
@@ -46,14 +46,14 @@ class Bodies:
     """
 
     def __init__(self, scene: Scene, g: np.ndarray):
-        from wsim.physics.rigid.mass import inertia
-        from wsim.simulation.predicted.touching import touching
+        from wsim.physics.rigid.mass import body_inertia
+        from wsim.simulation.predicted.touching import touching_pairs
         self.bodies = scene.things("Body")
         self.g = float(np.linalg.norm(g))
         self.up = -g / self.g
-        self.masses = [inertia(body) for body in self.bodies]
-        self.solids, self.touches = touching(scene, self.bodies)
-        self.group, self.held = grouped(scene, self.bodies)
+        self.masses = [body_inertia(body) for body in self.bodies]
+        self.solids, self.touches = touching_pairs(scene, self.bodies)
+        self.group, self.held = groups_of_bodies(scene, self.bodies)
         down = [m.mass * self.g - body.force @ self.up for m, body in zip(self.masses, self.bodies, strict=True)]
         self.load = np.maximum(np.bincount(self.group, down, len(self.held)), 0.0)
         first = np.unique(self.group, return_index=True)[1]
@@ -70,21 +70,21 @@ class Bodies:
         mine = np.flatnonzero(self.solids.body >= 0)
         body = self.solids.body[mine]
         low, high = np.full(L.shape[:2], inf), np.full(L.shape[:2], -inf)
-        ends = self.solids.intervals(mine, L[body])
+        ends = self.solids.intervals_along(mine, L[body])
         np.minimum.at(low, body, ends[0])
         np.maximum.at(high, body, ends[1])
         return np.where(low < high, high - low, inf)
 
-    def dropped(self, falls: np.ndarray) -> "Touches":
+    def touches_after_fall(self, falls: np.ndarray) -> "TouchingPairs":
         """The pairs that touch, and those that do once bodies (n,) have fallen straight down."""
-        from wsim.simulation.predicted.touching import dropped
-        return self.touches.joined(dropped(self.solids, falls, self.up))
+        from wsim.simulation.predicted.touching import touching_after_fall
+        return self.touches.joined(touching_after_fall(self.solids, falls, self.up))
 
-    def compliance(self, t: "Touches") -> np.ndarray:
+    def compliance(self, t: "TouchingPairs") -> np.ndarray:
         """A of each patch [1/kg], of its points side by side."""
         s = self.solids
         w = np.array([1.0 / m.mass for m in self.masses])
-        turns = self.frames[:, :3, :3] @ matrix(np.array([m.axes for m in self.masses]))
+        turns = self.frames[:, :3, :3] @ quaternion_to_matrix(np.array([m.axes for m in self.masses]))
         inverse = turns / np.array([m.moments for m in self.masses])[:, None] @ np.swapaxes(turns, 1, 2)
         A = np.zeros(t.points.shape[:2])
         for shape in (t.a, t.b):
@@ -96,7 +96,7 @@ class Bodies:
         return 4.0 / t.count / (1.0 / A).sum(axis=1)
 
 
-def grouped(scene: Scene, bodies: list) -> tuple[np.ndarray, np.ndarray]:
+def groups_of_bodies(scene: Scene, bodies: list) -> tuple[np.ndarray, np.ndarray]:
     """Number of the group of each body (n,), and which groups joints hold to the world (groups,)."""
     number = {body.path: k for k, body in enumerate(bodies)}
     ends = [(number.get(j.body0, -1), number.get(j.body1, -1)) for j in scene.things("Joint") if j.enabled]
@@ -114,7 +114,7 @@ def grouped(scene: Scene, bodies: list) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass
-class Net:
+class BearingNet:
     """Springs between groups of bodies along gravity, (m,); the number behind the last group is what stands.
 
     stiffness   [kg], at h / (h w) = 1: a force [N] over it is a depth [m/s^2]
@@ -132,7 +132,7 @@ class Net:
     groups: int
 
     @classmethod
-    def of(cls, bodies: Bodies, t: "Touches") -> "Net":
+    def of(cls, bodies: BearingBodies, t: "TouchingPairs") -> "BearingNet":
         n = len(bodies.held)
         group = np.append(np.where(bodies.held[bodies.group], n, bodies.group), n)     # of body -1: what stands
         body_a, body_b = bodies.solids.body[t.a], np.where(t.b >= 0, bodies.solids.body[t.b], -1)
@@ -144,7 +144,7 @@ class Net:
         size, stiffness = np.minimum(height[body_a], height[body_b]), rise**2 / bodies.compliance(t)
         return cls(lower[keep], upper[keep], stiffness[keep], size[keep], np.abs(rise)[keep], t.points[keep], n)
 
-    def settled(self, load: np.ndarray) -> tuple["Net", np.ndarray, np.ndarray]:
+    def settled(self, load: np.ndarray) -> tuple["BearingNet", np.ndarray, np.ndarray]:
         """The part of the net that bears a load [N], depths u (groups,) [m/s^2] under it, and which groups rest."""
         net, u = self, np.zeros(self.groups)
         for _ in range(ROUNDS):
@@ -158,7 +158,7 @@ class Net:
             net = net.part(~pulls)
         return net, u, net.borne()[:-1]
 
-    def part(self, keep: np.ndarray) -> "Net":
+    def part(self, keep: np.ndarray) -> "BearingNet":
         names = ("lower", "upper", "stiffness", "size", "rise", "points")
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
@@ -208,7 +208,7 @@ class Net:
         per = np.divide(1.0, F, out=np.zeros(n + 1), where=F > 0.0)
         own = np.append(load * center, 0.0)
         high = self.passed(lambda c: (own + np.bincount(self.lower, borne * c[self.upper], n + 1)) * per)
-        stiff, radius, base = self.footing(up)
+        stiff, radius, base = self.footing_of_groups(up)
         arm = np.maximum(high - base, 0.0)
         tips = radius > BALANCED * arm
         tipped = np.divide(F * arm, stiff * radius**2, out=np.zeros(n + 1), where=tips & (stiff > 0.0))
@@ -234,15 +234,15 @@ class Net:
                 break
         return found
 
-    def footing(self, up: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def footing_of_groups(self, up: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stiffness [kg] of the level contacts below a group, least radius of gyration and height of their points [m],
         (groups + 1,)."""
-        from wsim.simulation.predicted.touching import upright
+        from wsim.simulation.predicted.touching import upright_axes
         n, level = self.groups, self.rise > LEVEL
         upper, k, x = self.upper[level], self.stiffness[level], self.points[level]
         stiff = np.bincount(upper, k, n + 1)
         per = np.divide(1.0, stiff, out=np.zeros(n + 1), where=stiff > 0.0)
-        y = x @ upright(up).T
+        y = x @ upright_axes(up).T
         mean = np.stack([np.bincount(upper, k * y[..., i].mean(axis=1), n + 1) * per for i in range(3)], axis=1)
         d = (y - mean[upper][:, None])[..., 1:]
         xx, xy, yy = (np.bincount(upper, k * (d[..., i] * d[..., j]).mean(axis=1), n + 1) * per

@@ -1,10 +1,11 @@
 """RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
 run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
 
-    leapfrog           LEAP g h^2, of what the air moves LEAP (g + a) (1 + c T) h^2 (`aired`), and what float32 rounds; on
+    leapfrog           LEAP g h^2, of what the air moves LEAP (g + a) (1 + c T) h^2 (`acceleration_by_air`), and what float32
+    rounds; on
                        colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L where slivers have more mass
     backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
-    XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept`
+    XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept_error`
     BDF2, one Newton   SECOND g h^2 and TURNED (omega h)^2 h sqrt(g L): an edge that turns in a step strains by the square
     step               of its turn, which the next step takes back; drag of the air and colliders leave order 1
     sdirk3             of soft bodies, two Newton steps: THIRD g h^2
@@ -19,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.geometry.topology import areas
-from wsim.model.model import Body, Model, edge_lengths
+from wsim.geometry.topology import triangle_areas
+from wsim.model.model import Model, PointBody, edge_lengths
 from wsim.scene import Cloth
-from wsim.scene.methods import carried, collides, touches
+from wsim.scene.methods import has_collisions, has_self_collision, method_colliders
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
                        # to 2.1 (at 0.25 s 0.26: it grows with time)
@@ -46,7 +47,7 @@ THIRD = 0.6            # bars of 2 to 8 cells across, 5 and 10 steps: 0.26 to 0.
 
 
 @dataclass(frozen=True)
-class Fall:
+class FallingBody:
     """A body that falls and swings."""
 
     size: float                              # L, its largest extent [m]
@@ -55,75 +56,75 @@ class Fall:
     tau: float = 0.0                         # longest relaxation time of what holds it [s]
 
 
-def falls(model: Model) -> list[Fall]:
+def falling_bodies(model: Model) -> list[FallingBody]:
     """Fall heights of every body with edges."""
     found, taus = [], dict[str, float]()
     for r in model.constraints:
         if r.body is not None:
             taus[r.body.path] = max(taus.get(r.body.path, 0.0), r.tau)
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
-        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body) or FALL
-        size = max(extent(body), 1e-9)
-        found.append(Fall(size, size / max(float(edge_lengths(body).mean()), 1e-9), g, taus.get(body.path, 0.0)))
+        g = float(np.linalg.norm(model.scene.gravity)) + _acceleration_by_loads(model, body) or FALL
+        size = max(extent_of_body(body), 1e-9)
+        found.append(FallingBody(size, size / max(float(edge_lengths(body).mean()), 1e-9), g, taus.get(body.path, 0.0)))
     return found
 
 
-def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
+def drift_error(bodies: list[FallingBody], h: float, factor: float = DRIFT) -> float:
     """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT, EULER and HIT."""
     return max((factor * h * (b.g * b.size)**0.5 for b in bodies), default=0.0)
 
 
-def swept(bodies: list[Fall], h: float, iterations: int) -> float:
+def swept_error(bodies: list[FallingBody], h: float, iterations: int) -> float:
     """Error that unfinished sweeps add [m]: bodies that hang longer than they are, and swing slower. Damping slows sweeps by
     1 + tau / h, of which SLOWED at most is looked for in more substeps, which it slows the more."""
     factor = SWEPT * (ONE if iterations == 1 else 1.0)
     swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations * min(1.0 + b.tau / h, SLOWED)
               for b in bodies)
-    return max(slack(bodies, h, iterations), *swings, 0.0)
+    return max(slack_of_sweeps(bodies, h, iterations), *swings, 0.0)
 
 
-def slack(bodies: list[Fall], h: float, iterations: int) -> float:
+def slack_of_sweeps(bodies: list[FallingBody], h: float, iterations: int) -> float:
     """Length [m] by which so many sweeps of a step h [s] leave hanging bodies longer than they are: see SOFT."""
     return max((SOFT * b.g * h * h * b.row**2 / iterations for b in bodies), default=0.0)
 
 
-def _loaded(model: Model, body) -> float:
+def _acceleration_by_loads(model: Model, body) -> float:
     """Largest acceleration [m/s^2] that loads give a body as a whole."""
     if not model.scene.loads:
         return 0.0
-    from wsim.scene.nodal.loads import nodal
-    return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
+    from wsim.scene.nodal.loads import nodal_load_shares
+    return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal_load_shares(load, body)[1]).sum())
                for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
 
 
-def size(model: Model) -> float:
+def size_of_model(model: Model) -> float:
     """Largest extent of a body [m]; at least 1 mm."""
-    return max(1e-3, *map(extent, model.bodies))
+    return max(1e-3, *map(extent_of_body, model.bodies))
 
 
-def extent(body: Body) -> float:
+def extent_of_body(body: PointBody) -> float:
     """Largest extent [m] of the points that are not idle."""
     moved = np.delete(body.places, body.idle - body.first, axis=0)
     return float(np.ptp(moved, axis=0).max()) if len(moved) else 0.0
 
 
-def leapfrog(model: Model, bodies: list[Fall], h: float) -> float:
+def leapfrog_error(model: Model, bodies: list[FallingBody], h: float) -> float:
     """Error of leapfrog where it is stable [m]."""
-    hit = drift(bodies, h, HIT) if collides(model.scene) else 0.0
+    hit = drift_error(bodies, h, HIT) if has_collisions(model.scene) else 0.0
     own = max((LEAP * (b.g + a) * (1.0 + c * (2.0 * b.size / b.g)**0.5) * h * h
-               for b, (a, c) in zip(bodies, aired(model), strict=True)), default=0.0)
-    return own + ROUNDED * size(model) + hit
+               for b, (a, c) in zip(bodies, acceleration_by_air(model), strict=True)), default=0.0)
+    return own + ROUNDED * size_of_model(model) + hit
 
 
-def slowed(model: Model, bodies: list[Fall], h: float, more: float = 0.0) -> float:
+def drag_error(model: Model, bodies: list[FallingBody], h: float, more: float = 0.0) -> float:
     """Error [m] of the drag that fabrics have of their own, and of further drag [1/s], which are of order 1."""
     rate = more + max((normal_decay(b) for b in model.bodies if b.world == 0), default=0.0)
     return DRAGGED * rate * h * max((b.size for b in bodies), default=0.0)
 
 
-def aired(model: Model) -> list[tuple[float, float]]:
-    """Acceleration a [m/s^2] that the wind gives each body of `falls`, and the rate c [1/s] at which the air takes the body
-    with it, of quadratic drag 2 a / speed: what sways in it errs by 1 + c T of what hangs."""
+def acceleration_by_air(model: Model) -> list[tuple[float, float]]:
+    """Acceleration a [m/s^2] that the wind gives each body of `falling_bodies`, and the rate c [1/s] at which the air takes the
+    body with it, of quadratic drag 2 a / speed: what sways in it errs by 1 + c T of what hangs."""
     found, scene = [], model.scene
     speed = float(np.linalg.norm(scene.wind))
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
@@ -134,32 +135,33 @@ def aired(model: Model) -> list[tuple[float, float]]:
     return found
 
 
-def normal_decay(body: Body) -> float:
+def normal_decay(body: PointBody) -> float:
     """Rate [1/s] at which the normal drag of its material slows a body."""
     c = body.source.air["normal_drag"] if isinstance(body.source, Cloth) else 0.0
     return c * _area_by_mass(body) if c else 0.0
 
 
-def _area_by_mass(body: Body) -> float:
+def _area_by_mass(body: PointBody) -> float:
     """[m^2/kg]."""
-    return float(areas(body.rest, body.triangles - body.first).sum()) / float(body.masses.sum())
+    return float(triangle_areas(body.rest, body.triangles - body.first).sum()) / float(body.masses.sum())
 
 
-def euler(model: Model, bodies: list[Fall], h: float, sweeps: int = 0) -> float:
+def backward_euler_error(model: Model, bodies: list[FallingBody], h: float, sweeps: int = 0) -> float:
     """Error of backward Euler [m]; sweeps: of XPBD, 0 where it is solved."""
-    return drift(bodies, h, EULER if collides(model.scene) else DRIFT) + (swept(bodies, h, sweeps) if sweeps else 0.0)
+    return drift_error(bodies, h,
+                       EULER if has_collisions(model.scene) else DRIFT) + (swept_error(bodies, h, sweeps) if sweeps else 0.0)
 
 
-def newton(model: Model, bodies: list[Fall], h: float, name: str, omega: float) -> float:
+def newton_error(model: Model, bodies: list[FallingBody], h: float, name: str, omega: float) -> float:
     """Error of Newton's method with that integrator [m], of sheets one Newton step a system. h: of a step."""
     if name not in ("bdf2", "sdirk3"):
-        return euler(model, bodies, h)
+        return backward_euler_error(model, bodies, h)
     scene = model.scene
     flown = any(c.drag or c.lift for c in scene.cloths)
-    first = drift(bodies, h, EULER) if collides(scene) else drift(bodies, h) if flown else \
-        slowed(model, bodies, h, scene.air_drag)
+    first = drift_error(bodies, h, EULER) if has_collisions(scene) else drift_error(bodies, h) if flown else \
+        drag_error(model, bodies, h, scene.air_drag)
     own = max(((THIRD if name == "sdirk3" else SECOND) * b.g * h * h for b in bodies), default=0.0)
-    turned = 0.0 if scene.softs else TURNED * (omega * h)**2 * drift(bodies, h, 1.0)
+    turned = 0.0 if scene.softs else TURNED * (omega * h)**2 * drift_error(bodies, h, 1.0)
     return own + first + turned
 
 
@@ -167,9 +169,9 @@ def newton_known(model: Model) -> bool:
     """False where the table does not know Newton's method of sheets: limits and tethers, surfaces that meet themselves, rigid
     bodies that points touch; and where edges of a cloth meet sharp colliders, which that method leaves out."""
     scene = model.scene
-    if any(r.hard for r in model.constraints) or carried(scene) or touches(scene):
+    if any(r.hard for r in model.constraints) or method_colliders(scene) or has_self_collision(scene):
         return False
     if not scene.colliders:
         return True
-    from wsim.scene.check.sharp import meets
-    return not meets(scene)
+    from wsim.scene.check.sharp import has_edge_contacts
+    return not has_edge_contacts(scene)

@@ -39,7 +39,7 @@ EDGED = 0.02           # share beside edges of colliders from which they count: 
 SHEETS, TETS = 1e-6, 5e-6      # error over L that float32 leaves in 6 to 13 frames: 1e-7 to 1e-6, and 6e-7 to 5.5e-6
 
 
-class Growth:
+class DifferenceGrowth:
     """Growth of small differences since a run began; sums are over its frames.
 
     factor      growth of a difference that was there at the start
@@ -48,10 +48,11 @@ class Growth:
     """
 
     def __init__(self, sim):
-        self.model, self.dt, self.size = sim.model, 1.0 / sim.scene.fps, errors.size(sim.model)
-        self.edge = max(b.size / b.row for b in errors.falls(sim.model)) / self.size
-        self.air = max(c for _, c in errors.aired(sim.model))
-        self.sheets = [Across(b) for b in self.model.bodies if len(b.edges) and not len(b.tets)]    # soft bodies do not fold
+        self.model, self.dt, self.size = sim.model, 1.0 / sim.scene.fps, errors.size_of_model(sim.model)
+        self.edge = max(b.size / b.row for b in errors.falling_bodies(sim.model)) / self.size
+        self.air = max(c for _, c in errors.acceleration_by_air(sim.model))
+        # soft bodies do not fold
+        self.sheets = [AcrossStiffness(b) for b in self.model.bodies if len(b.edges) and not len(b.tets)]
         self.exponent, self.grown, self.touched = 0.0, SEED, False
 
     @property
@@ -80,22 +81,22 @@ class Growth:
 
     def look(self, x: np.ndarray, error: float = 0.0) -> None:
         """Looks at positions (points, 3) [m] at the end of a frame; error: that its steps made, over the size."""
-        s, half = GROWS * max((sheet.instability(x) for sheet in self.sheets), default=0.0), 0.5 * self.air
+        s, half = GROWS * max((sheet.rms_instability(x) for sheet in self.sheets), default=0.0), 0.5 * self.air
         grows = (sqrt(s * s + half * half) - half) * self.dt
         self.exponent += grows
         self.grown = self.grown * exp(min(grows, 300.0)) + SHARE * error
 
 
-class Leapfrog(Growth):
+class LeapfrogErrorGrowth(DifferenceGrowth):
     """The error of a run of leapfrog so far; edged: largest share of points that touched beside edges of colliders."""
 
     def __init__(self, sim):
         super().__init__(sim)
         soft = any(len(b.tets) for b in sim.model.bodies)
         self.edges, self.edged = [] if soft else [c for c in sim.scene.colliders if type(c.shape) in BESIDE], 0.0
-        choice, bodies = sim.plan.choice, errors.falls(sim.model)
+        choice, bodies = sim.plan.choice, errors.falling_bodies(sim.model)
         self.h, self.way, self.speed, self.fastest = self.dt / choice.steps, 0.0, 0.0, 0.0
-        pulled = max(b.g + a for b, (a, _) in zip(bodies, errors.aired(sim.model), strict=True))
+        pulled = max(b.g + a for b, (a, _) in zip(bodies, errors.acceleration_by_air(sim.model), strict=True))
         self.plain = errors.LEAP * pulled * self.h**2 / self.size + choice.slowed * errors.SLIVERS
         self.rounded = TETS if soft else SHEETS
         self.before = 0.0
@@ -157,7 +158,7 @@ def beside_cone(cone: Cone, q: np.ndarray, near: float) -> np.ndarray:
 BESIDE: dict[type, Callable] = {Box: beside_box, Cylinder: beside_rims, Cone: beside_cone}
 
 
-class Across:
+class AcrossStiffness:
     """Stiffness of a net or sheet against points that move across it: lengths and ends of its edges are looked up once."""
 
     def __init__(self, body):
@@ -173,7 +174,7 @@ class Across:
         else:
             self.stretch = float(np.mean(source.stiffness))
 
-    def instability(self, x: np.ndarray) -> float:
+    def rms_instability(self, x: np.ndarray) -> float:
         """RMS over the points of sigma [1/s] at positions x (points, 3) [m]."""
         ends = x[self.edges[:, 1]] - x[self.edges[:, 0]]
         strain = np.sqrt(np.einsum("ij,ij->i", ends, ends)) / self.rest - 1.0

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import SceneError
-from wsim.simulation.duration import percent
-from wsim.simulation.predicted.errors import ROUNDED, falls
-from wsim.simulation.predicted.growth import Growth, Leapfrog
+from wsim.simulation.duration import percent_of_size
+from wsim.simulation.predicted.errors import ROUNDED, falling_bodies
+from wsim.simulation.predicted.growth import DifferenceGrowth, LeapfrogErrorGrowth
 
 FRAMES = 24            # that are looked at, and the time of a fall through the size at least
 MOST = 100_000         # points, beyond which nothing is measured
@@ -30,14 +30,14 @@ COARSER = 5            # substeps of a run over those of its companion
 OVER = 4.0             # error over the wanted one, from which a run is warned of: what is said is 4 times the true one (median)
 
 
-class Measured:
+class MeasuredRunError:
     """The measured error of a simulation's first frames."""
 
     def __init__(self, sim):
         self.plan, explicit = sim.plan, sim.plan.choice.solver == "explicit"
-        self.last = max([FRAMES, *(sim.scene.fps * sqrt(2.0 * b.size / b.g) for b in falls(sim.model))])
-        self.growth = Leapfrog(sim) if explicit else Growth(sim)
-        self.coarser: Any = None if explicit else _coarser(sim)
+        self.last = max([FRAMES, *(sim.scene.fps * sqrt(2.0 * b.size / b.g) for b in falling_bodies(sim.model))])
+        self.growth = LeapfrogErrorGrowth(sim) if explicit else DifferenceGrowth(sim)
+        self.coarser: Any = None if explicit else _companion_maker(sim)
         self.companion: Any = None
         self.waiting: list[np.ndarray] = []                    # positions of frames that the companion has not taken yet
         self.frames, self.moved, self.compared, self.done = 0, 0.0, 0, False
@@ -45,7 +45,7 @@ class Measured:
     @property
     def error(self) -> float | None:
         """Over the size; None: so few substeps as the companion's do not carry the scene, and nothing is known."""
-        if isinstance(self.growth, Leapfrog) and self.frames:
+        if isinstance(self.growth, LeapfrogErrorGrowth) and self.frames:
             return self.growth.error
         self.compare()
         if not isfinite(self.moved):
@@ -59,7 +59,7 @@ class Measured:
 
     def report(self) -> dict:
         """Figures of the run's report: the measured error beside the one that was predicted."""
-        error, explicit = self.error, isinstance(self.growth, Leapfrog)
+        error, explicit = self.error, isinstance(self.growth, LeapfrogErrorGrowth)
         return {"error": error, "error_before": self.plan.choice.error,
                 "error_frames": self.frames if explicit else self.compared, "sensitive": self.sensitive}
 
@@ -67,8 +67,9 @@ class Measured:
         """Warnings of an error beyond the wanted one that more substeps lower."""
         error, steps, wanted, found = self.error, self.plan.choice.steps, self.plan.model.scene.error, list[str]()
         if self.compared and (error is None or error > OVER * wanted and not self.sensitive):
-            what = "more than the size of the scene" if error is None else f"about {percent(error)} of the size"
-            found.append(f"warning: /: positions err by {what} after {self.compared} frames, where {percent(wanted)} was "
+            what = "more than the size of the scene" if error is None else f"about {percent_of_size(error)} of the size"
+            found.append(f"warning: /: positions err by {what} after {self.compared} frames, where {percent_of_size(wanted)} "
+                         f"was "
                          f"wanted; name more than {steps} substeps, or another solver")
         return found
 
@@ -76,8 +77,8 @@ class Measured:
         """Looks at a frame that was stepped; False: the frames to come are not looked at."""
         if sim.plan is not self.plan or sim.changes or sim.frame != self.frames + 1:
             return False
-        self.frames, x = sim.frame, _positions(sim)
-        if isinstance(self.growth, Leapfrog):
+        self.frames, x = sim.frame, _positions_with_remainder(sim)
+        if isinstance(self.growth, LeapfrogErrorGrowth):
             self.growth.follow(sim, x)
         elif self.coarser is None:
             return False
@@ -98,29 +99,29 @@ class Measured:
             except SceneError:                                  # so few substeps do not carry it: nothing is known
                 self.moved, self.waiting = inf, []
                 break
-            y = _positions(self.companion)
+            y = _positions_with_remainder(self.companion)
             self.moved = max(self.moved, float(np.sqrt(((x - y)**2).sum(axis=1).mean())) / self.growth.size)
             self.compared += 1
         if self.done:
             self.companion = None
 
 
-def follow(sim) -> None:
+def follow_start(sim) -> None:
     """Looks at a frame of a simulation after it was stepped, of its first ones."""
     if sim.measured is None and sim.frame == 1:
-        sim.measured, sim.settled = _begun(sim) or False, _strains(sim)
+        sim.measured, sim.settled = _measured_error_of_run(sim) or False, _strain_estimate_of_run(sim)
     if sim.settled and sim.settled.going:
         sim.settled.going = sim.settled.look(sim)
     if sim.measured and not sim.measured.done:
         sim.measured.done = not sim.measured.look(sim)
 
 
-def settle(sim) -> None:
+def step_report_estimates(sim) -> None:
     """Steps all that the report waits for."""
     if sim.measured:
         sim.measured.compare()
     if sim.settled:
-        sim.settled.estimate_all()
+        sim.settled.make_all_estimates()
 
 
 def leave_out(sim) -> None:
@@ -130,7 +131,7 @@ def leave_out(sim) -> None:
         sim.measured.waiting = []
 
 
-def _strains(sim):
+def _strain_estimate_of_run(sim):
     """The estimate of strains that sweeps leave; None of other solvers."""
     if sim.plan.choice.solver != "xpbd":
         return None
@@ -138,15 +139,15 @@ def _strains(sim):
     return estimate_of(sim)
 
 
-def _begun(sim) -> Measured | None:
+def _measured_error_of_run(sim) -> MeasuredRunError | None:
     """What measures a run; None where its steps are not chosen for an error, or other things than points are simulated."""
     scene, plan = sim.scene, sim.plan
     chosen = (scene.solver, scene.integrator) == ("auto", "auto") and plan.choice.error is not None and sim.fps is None
     alone = sim.worlds == 1 and not sim.gradients and not scene.others and sim.model.alias is None
-    return Measured(sim) if chosen and alone and sim.model.points <= MOST else None
+    return MeasuredRunError(sim) if chosen and alone and sim.model.points <= MOST else None
 
 
-def _coarser(sim):
+def _companion_maker(sim):
     """What makes the companion of implicit steps; None where there are too few."""
     choice = sim.plan.choice
     n = choice.steps // COARSER
@@ -155,12 +156,12 @@ def _coarser(sim):
     named = {"solver": choice.solver, "integrator": choice.integrator.name, "iterations": choice.iterations}
     made, scene, on = type(sim), replace(sim.given, substeps=n, **named), {"device": sim.device, "precision": sim.precision}
 
-    def make():
+    def make_companion():
         other = made(scene, **on)
         other.measured = False
         return other
-    return make
+    return make_companion
 
 
-def _positions(sim) -> np.ndarray:
+def _positions_with_remainder(sim) -> np.ndarray:
     return sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from wsim.simulation.predicted.bearing import Bodies
+    from wsim.simulation.predicted.bearing import BearingBodies
 
 FEW, MANY = 0.25, 0.35 # facets or [rad] in a substep; MANY as kernels/rigid/checks.py has it
 SAMPLES, SAME, FLAT = 256, 1e-3, 1e-2          # as kernels/rigid/narrow/rolling.py has them
@@ -20,7 +20,7 @@ BRIEF = 1e-4           # [rad] of turn, over which the rate of a rim is taken
 ROLLS = {"hull": "rolls over {} facets of its hull", "rim": "precesses on its rim by {} rad"}
 
 
-def facets(points: np.ndarray, axis: np.ndarray, n: np.ndarray) -> int:
+def facets_in_one_turn(points: np.ndarray, axis: np.ndarray, n: np.ndarray) -> int:
     """Number of facets of a hull that pass in one turn about the unit vector `axis`. points: its vertices, (p, 3); n: outward
     unit normal at the start of the turn, (3,)."""
     along = (n @ axis) * axis
@@ -48,7 +48,7 @@ def rim_rate(axis: np.ndarray, spin: np.ndarray, n: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Roll:
+class RollingBody:
     """A body that rolls or spins at the start.
 
     path    of its prim; "": no body does
@@ -60,14 +60,14 @@ class Roll:
     rate: float = 0.0
     kind: str = "hull"
 
-    def says(self, h: float) -> str:
+    def describe_substeps(self, h: float) -> str:
         """Message with the facets or radians that pass in a substep of h [s]."""
         return f"{self.path} {ROLLS[self.kind].format(f'{h * self.rate:.2g}')} in a substep"
 
 
-def rolling(bodies: "Bodies") -> Roll:
+def fastest_rolling_body(bodies: "BearingBodies") -> RollingBody:
     """The body with the highest rate among those that touch something at the start."""
-    s, t, found = bodies.solids, bodies.touches, Roll()
+    s, t, found = bodies.solids, bodies.touches, RollingBody()
     spins = np.array([*[body.spin for body in bodies.bodies], np.zeros(3)], np.float64)      # of what stands: the last
     for a, b, n in zip(t.a, t.b, t.n, strict=True):
         for shape, other, out in ((a, b, -n), (b, a, n)):
@@ -80,7 +80,7 @@ def rolling(bodies: "Bodies") -> Roll:
             if kind == "rim":
                 rate = rim_rate(R[:, 2], spin, out)
             elif s.hulls[shape] >= 0 and np.linalg.norm(np.cross(out, spin / speed)) > FLAT:
-                rate = facets(s.vertices[s.hulls[shape]], R.T @ spin / speed, R.T @ out) * speed / (2.0 * np.pi)
+                rate = facets_in_one_turn(s.vertices[s.hulls[shape]], R.T @ spin / speed, R.T @ out) * speed / (2.0 * np.pi)
             if rate > found.rate:
-                found = Roll(bodies.bodies[s.body[shape]].path, rate, kind)
+                found = RollingBody(bodies.bodies[s.body[shape]].path, rate, kind)
     return found

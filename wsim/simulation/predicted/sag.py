@@ -25,10 +25,10 @@ Measured over this (24 fps, 10 to 186 substeps x 4): 1.00 in columns of cubes, s
 of cards and under a lintel; 0.7 to 0.9 among balls, logs and turned cubes, whose normals or patches are taken coarsely; 1.3 in
 a wall whose last bricks lie at the edge of falling.
 
-Where nobody named the substeps of a scene, `settle` gives it as many before its first frame as keep the sag at GOOD of the
-least height of a body on the way down and the load at UPRIGHT of what buckles a stack, MOST at most. It costs what substeps
-cost, in proportion. Stiffer contacts take more sweeps, and are no cheaper (CPU time of a frame, ten cubes of 16 mm; a tower of
-54 blocks):
+Where nobody named the substeps of a scene, `set_rigid_substeps` gives it as many before its first frame as keep the sag at GOOD
+of the least height of a body on the way down and the load at UPRIGHT of what buckles a stack, MOST at most. It costs what
+substeps cost, in proportion. Stiffer contacts take more sweeps, and are no cheaper (CPU time of a frame, ten cubes of 16 mm; a
+tower of 54 blocks):
 
     33 substeps x 4 sweeps                  0.93 ms, sag 4.0 %        15 ms, 5.7 %
     40 x 2                                  0.76 ms, 2.7 %            13 ms, 3.9 %, creeps by 2e-5 of a block a second
@@ -49,11 +49,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wsim.scene import Scene
-from wsim.scene.bodies import Unnamed
-from wsim.simulation.predicted.rolling import FEW, MANY, Roll, rolling
+from wsim.scene.bodies import DefaultCount
+from wsim.simulation.predicted.rolling import FEW, MANY, RollingBody, fastest_rolling_body
 
 if TYPE_CHECKING:
-    from wsim.simulation.predicted.bearing import Bodies, Net
+    from wsim.simulation.predicted.bearing import BearingBodies, BearingNet
 
 TURN = 0.5 * np.pi     # h w of kernels/rigid/soft_step.py
 GOOD, BAD = 0.04, 0.1  # part of a body's height that it may sink by; from which a run says so
@@ -65,7 +65,7 @@ MOST, FALLEN = 600, 100                # substeps that are chosen, and for what 
 
 
 @dataclass(frozen=True)
-class Need:
+class SubstepNeed:
     """The substeps that the rigid bodies of a scene want, and why.
 
     path        prim path of the body that sinks most, over its size
@@ -85,13 +85,13 @@ class Need:
     slender: str = ""
     tips: float = 0.0
     work: float = 0.0
-    roll: Roll = Roll()
+    roll: RollingBody = RollingBody()
 
     def part(self, h: float) -> float:
         """Sag over the size, at substeps of h [s]."""
         return self.rate * (h / TURN)**2
 
-    def rebound(self, h: float) -> float:
+    def rebound_energy(self, h: float) -> float:
         """Energy [J] that contacts may give back: a stack that starts without its sag goes on to twice that at most, where they
         hold k (2 d)^2 / 2, twice the work of the weights over it."""
         return 2.0 * self.work * (h / TURN)**2
@@ -117,23 +117,24 @@ class Need:
             return f"{self.roll.rate / fps / n:.2g}"
         return f"{100.0 * (self.tips if self.cause == 'leans' else self.rate) / (TURN * fps * n)**2:.3g} %"
 
-    def says(self, fps: float, n: int) -> str:
+    def describe_substeps(self, fps: float, n: int) -> str:
         """Words of what n substeps a frame leave."""
         if self.cause == "rolls":
-            return self.roll.says(1.0 / fps / n)
+            return self.roll.describe_substeps(1.0 / fps / n)
         if self.cause == "leans":
             return f"{self.slender} and what is below it bear {self.figure(fps, n)} of the load under which they lean over"
         where = "a body there, once it has fallen" if self.falls else "the least height of a body on the way down"
-        depth = length(self.part(1.0 / fps / n) * self.size)
-        return f"{self.path} sinks at rest by about {depth}, {self.figure(fps, n)} of {length(self.size)} ({where})"
+        depth = format_length(self.part(1.0 / fps / n) * self.size)
+        return f"{self.path} sinks at rest by about {depth}, {self.figure(fps, n)} of {format_length(self.size)} ({where})"
 
     def told(self, scene: Scene, n: int) -> str:
         """Reason of n substeps, where they are those that were chosen for the bodies; else ""."""
         least = Scene().substeps
-        if not isinstance(scene.substeps, Unnamed) or not n == scene.substeps > least:
+        if not isinstance(scene.substeps, DefaultCount) or not n == scene.substeps > least:
             return ""
-        return f"{n} substeps for rigid bodies, about {n / least:.2g} times the time of {least}: {self.says(scene.fps, n)}; " \
-            f"by {least} it would be {self.figure(scene.fps, least)}"
+        return (f"{n} substeps for rigid bodies, about {n / least:.2g} times the time of {least}: "
+                f"{self.describe_substeps(scene.fps, n)}; "
+             f"by {least} it would be {self.figure(scene.fps, least)}")
 
     def warnings(self, scene: Scene, n: int) -> list[str]:
         """A warning where n substeps a frame are too few."""
@@ -143,82 +144,83 @@ class Need:
             return []
         path = {"sinks": self.path, "leans": self.slender, "rolls": self.roll.path}[self.cause]
         other = "leave out wsim:substeps"
-        if isinstance(scene.substeps, Unnamed):
+        if isinstance(scene.substeps, DefaultCount):
             other = "lower its angular velocity" if self.cause == "rolls" else "smaller ratios of mass"
-        return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.says(scene.fps, n)}; give --substeps "
+        return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.describe_substeps(scene.fps, n)}; give "
+                f"--substeps "
                 f"{good}, or {other}"]
 
 
-def length(value: float) -> str:
+def format_length(value: float) -> str:
     """[m] in words."""
     return f"{value:.3g} m" if value >= 1.0 else f"{1e3 * value:.3g} mm"
 
 
-def settle(scene: Scene) -> Need:
+def set_rigid_substeps(scene: Scene) -> SubstepNeed:
     """Gives a checked scene the substeps that its rigid bodies want, in place, where nobody named them; what they want."""
-    found = need(scene)
-    if isinstance(scene.substeps, Unnamed):
-        scene.substeps = Unnamed(max(scene.substeps, min(found.substeps(scene.fps), FALLEN if found.falls else MOST)))
+    found = need_of_rigid_bodies(scene)
+    if isinstance(scene.substeps, DefaultCount):
+        scene.substeps = DefaultCount(max(scene.substeps, min(found.substeps(scene.fps), FALLEN if found.falls else MOST)))
     return found
 
 
-def substeps(scene: Scene) -> int:
-    """Substeps of a checked scene as `settle` has them."""
+def rigid_body_substeps(scene: Scene) -> int:
+    """Substeps of a checked scene as `set_rigid_substeps` has them."""
     own = replace(scene)
-    settle(own)
+    set_rigid_substeps(own)
     return int(own.substeps)
 
 
-def need(scene: Scene) -> Need:
+def need_of_rigid_bodies(scene: Scene) -> SubstepNeed:
     """The need of the rigid bodies of a checked scene; none where there is no gravity, or nothing to touch."""
-    g = _gravity(scene)
+    g = _strongest_gravity(scene)
     if not (scene.things("Body") and g.any()):
-        return Need()
-    from wsim.physics.rigid.solids import meet
-    from wsim.simulation.predicted.bearing import Bodies, Net
-    if not meet(scene):
-        return Need()
-    bodies = Bodies(scene, g)
-    net, u, rests = Net.of(bodies, bodies.touches).settled(bodies.load)
-    found = [Need(), _resting(bodies, net, u, rests)]
+        return SubstepNeed()
+    from wsim.physics.rigid.solids import has_rigid_contacts
+    from wsim.simulation.predicted.bearing import BearingBodies, BearingNet
+    if not has_rigid_contacts(scene):
+        return SubstepNeed()
+    bodies = BearingBodies(scene, g)
+    net, u, rests = BearingNet.of(bodies, bodies.touches).settled(bodies.load)
+    found = [SubstepNeed(), _need_of_resting(bodies, net, u, rests)]
     falls = ~(rests | bodies.held)
     if (falls[bodies.group] & (bodies.width < inf)).any():
-        found += [_piled(bodies, falls[bodies.group]), _landed(bodies, falls)]
-    return replace(max(found, key=lambda n: (n.substeps(scene.fps), n.rate)), roll=rolling(bodies))
+        found += [_need_of_heap(bodies, falls[bodies.group]), _need_of_landed(bodies, falls)]
+    return replace(max(found, key=lambda n: (n.substeps(scene.fps), n.rate)), roll=fastest_rolling_body(bodies))
 
 
-def _resting(bodies: "Bodies", net: "Net", u: np.ndarray, rests: np.ndarray) -> Need:
+def _need_of_resting(bodies: "BearingBodies", net: "BearingNet", u: np.ndarray, rests: np.ndarray) -> SubstepNeed:
     from wsim.simulation.predicted.bearing import BUCKLES
     if not rests.any():
-        return Need()
+        return SubstepNeed()
     least = net.least()
     rates = np.where(rests, u / least, 0.0)
     leans = np.where(rests, net.leans(u, bodies.load, bodies.center, bodies.up) / BUCKLES, 0.0)
     sinks, tips = int(np.argmax(rates)), int(np.argmax(leans))
-    return Need(bodies.paths[sinks], float(rates[sinks]), float(least[sinks]), False, bodies.paths[tips], float(leans[tips]),
-                float(bodies.load[rests] @ u[rests]))
+    return SubstepNeed(bodies.paths[sinks], float(rates[sinks]), float(least[sinks]), False, bodies.paths[tips],
+                       float(leans[tips]), float(bodies.load[rests] @ u[rests]))
 
 
-def _piled(bodies: "Bodies", falls: np.ndarray) -> Need:
+def _need_of_heap(bodies: "BearingBodies", falls: np.ndarray) -> SubstepNeed:
     """The need of bodies (n,) that come to lie in a heap."""
     falls = falls & (bodies.width < inf)
     layers = len(np.unique(bodies.group[falls]))**(1.0 / 3.0)
     thin = int(np.argmin(np.where(falls, bodies.width, inf)))
     size = float(bodies.width[thin])
-    return Need(bodies.bodies[thin].path, 2.0 * bodies.g * layers / size, size, True)
+    return SubstepNeed(bodies.bodies[thin].path, 2.0 * bodies.g * layers / size, size, True)
 
 
-def _landed(bodies: "Bodies", falls: np.ndarray) -> Need:
+def _need_of_landed(bodies: "BearingBodies", falls: np.ndarray) -> SubstepNeed:
     """The need of groups that come to stand on what is straight below them, TALL at most."""
-    from wsim.simulation.predicted.bearing import Net
-    net, u, rests = Net.of(bodies, bodies.dropped(falls[bodies.group])).settled(bodies.load)
+    from wsim.simulation.predicted.bearing import BearingNet
+    net, u, rests = BearingNet.of(bodies, bodies.touches_after_fall(falls[bodies.group])).settled(bodies.load)
     least = net.least()
     rates = np.where(rests & falls & (net.levels() <= TALL), u / least, 0.0)
     worst = int(np.argmax(rates))
-    return Need(bodies.paths[worst], float(rates[worst]), float(least[worst]), True)
+    return SubstepNeed(bodies.paths[worst], float(rates[worst]), float(least[worst]), True)
 
 
-def _gravity(scene: Scene) -> np.ndarray:
+def _strongest_gravity(scene: Scene) -> np.ndarray:
     """Gravity [m/s^2], where it varies the strongest."""
     keys = [np.reshape(v.curve.values, (-1, 3)) for v in scene.varying if (v.path, v.name) == ("/", "gravity")]
     every = np.concatenate([np.reshape(scene.gravity, (1, 3)), *keys]).astype(np.float64)

@@ -14,8 +14,8 @@ def count_rigid(scene: Scene, chained: bool) -> dict[str, float]:
     bodies, joints = scene.things("Body"), scene.things("Joint")
     if not bodies:
         return {}
-    from wsim.simulation.predicted.touching import touching
-    _, found = touching(scene, bodies)
+    from wsim.simulation.predicted.touching import touching_pairs
+    _, found = touching_pairs(scene, bodies)
     return {"rigid": 1, "contact": max(int(found.count.sum()), 2 * len(bodies)),
             "joint": longest_chain(joints) if chained else len(joints)}
 
@@ -43,9 +43,9 @@ def count_fluids(scene: Scene) -> dict[str, float]:
     for fluid in scene.things("Fluid"):
         found["emitted"] += fluid.elements * sum(s.fluid in ("", fluid.path) for s in scene.things("Source"))
     for liquid in scene.things("Liquid"):
-        from wsim.physics.fluid.liquid.seeds import estimated
+        from wsim.physics.fluid.liquid.seeds import estimated_particles
         found["tank"] += 1
-        found["drop"] += estimated(liquid, scene)
+        found["drop"] += estimated_particles(liquid, scene)
         found["emitted"] += liquid.elements * sum(s.liquid in ("", liquid.path) and s.role != "start"
                                                   for s in scene.things("LiquidSource"))
     return found

@@ -39,7 +39,7 @@ BESIDE = {"Skeleton", "Rods"}      # others than points that may be there
 
 
 @dataclass(frozen=True)
-class Strained:
+class StrainedState:
     """State at the end of a frame. strain: the largest of an edge [1]; steps, sweeps: substeps a frame, iterations of each."""
 
     strain: float
@@ -49,13 +49,13 @@ class Strained:
     fields: dict[str, dict[str, np.ndarray]]
 
 
-class Settled:
+class SettledStrain:
     """Strains of a run's first frames beside those that a converged run has."""
 
     def __init__(self, sim):
         self.plan, self.given, self.last, self.going = sim.plan, sim.given, 0.0, True
         self.made, self.on = type(sim), {"device": sim.device, "precision": sim.precision}
-        self.waiting: list[Strained] = []                      # states whose estimates are still to be made
+        self.waiting: list[StrainedState] = []                 # states whose estimates are still to be made
         self.known: list[tuple[float, float, int]] = []        # strain, its estimate, frame
 
     def look(self, sim) -> bool:
@@ -67,7 +67,7 @@ class Settled:
         if now > least:
             self.last = now
             fields = {path: sim.fields(path) for path in sim.state.paths()}
-            self.waiting.append(Strained(now, sim.frame, clock.steps, clock.iterations, fields))
+            self.waiting.append(StrainedState(now, sim.frame, clock.steps, clock.iterations, fields))
         return sim.frame < FRAMES and len(self.waiting) + len(self.known) < CHECKS
 
     @staticmethod
@@ -75,27 +75,27 @@ class Settled:
         """False where the device finds in one launch that no edge strains by so much: the host takes 3 ms for 19 000 edges."""
         watch, muscles = sim.plan.ports.stretch_watch, any(net.actuation for net in sim.scene.springs)
         with GATE.shared():                                    # else the launch goes into what another thread captures
-            return watch is None or muscles or watch.exceeds(1.0 + least - ROUNDED)
+            return watch is None or muscles or watch.stretch_exceeds(1.0 + least - ROUNDED)
 
     @property
     def found(self) -> list[tuple[float, float, int]]:
         """Strains, their estimates and frames."""
-        self.estimate_all()
+        self.make_all_estimates()
         return self.known
 
-    def estimate_all(self) -> None:
+    def make_all_estimates(self) -> None:
         """Makes the estimates that are not there yet."""
         other, of = None, (0, 0)
         while self.waiting:
             state = self.waiting.pop(0)
             try:
                 if (state.steps, state.sweeps) != of:
-                    other, of = self.finer(state), (state.steps, state.sweeps)
-                self.known.append((state.strain, estimate(other, state), state.frame))
+                    other, of = self.with_more_substeps(state), (state.steps, state.sweeps)
+                self.known.append((state.strain, estimate_strain_of_state(other, state), state.frame))
             except SceneError:                                 # it cannot go on from there
                 self.waiting, self.going = [], False
 
-    def finer(self, state: Strained):
+    def with_more_substeps(self, state: StrainedState):
         """A simulation whose frames are substeps of the run, divided into parts."""
         parts, sweeps = PARTS[state.sweeps > 1]
         finer = replace(self.given, solver="xpbd", integrator="backward_euler", fps=self.given.fps * state.steps,
@@ -117,7 +117,7 @@ class Settled:
                 'name more substeps or iterations, or solver "explicit"']
 
 
-def estimate(other, state: Strained) -> float:
+def estimate_strain_of_state(other, state: StrainedState) -> float:
     """Strain after one substep more. other: steps it."""
     other.restart(state.frame * state.steps, state.fields, alike=False)
     other.step()
@@ -130,9 +130,9 @@ def peak_strain(sim) -> float:
     return max((float(edge_strain(b, x).max(initial=0.0)) for b in sim.model.bodies if len(b.edges)), default=0.0)
 
 
-def estimate_of(sim) -> Settled | None:
+def estimate_of(sim) -> SettledStrain | None:
     """The estimate of a run's strain; None where it has none of sweeps, or things beside that may not be stepped twice."""
     alone = sim.worlds == 1 and not sim.gradients and sim.fps is None and sim.model.alias is None
     there = {name for name, things in sim.scene.others.items() if things}
     swept = sim.plan.choice.solver == "xpbd" and sim.model.points <= MOST
-    return Settled(sim) if alone and swept and there <= BESIDE else None
+    return SettledStrain(sim) if alone and swept and there <= BESIDE else None

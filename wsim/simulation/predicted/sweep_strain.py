@@ -12,8 +12,8 @@ its two triangles:
     strain = g h^2 q / M,    q = m / L max (w0 + w1) A / l^2   [1/m]
 
 Square cells of a side L / N: q = 2 N^2 / L (up to 3.5 near corners, whose masses are small), the displacement of
-`wsim.simulation.predicted.errors.slack` spread over the rows. Edges much shorter than their triangles are wide, as in the
-seams of a garment, lag far more than any displacement tells: l is small, and the masses are those of wide triangles.
+`wsim.simulation.predicted.errors.slack_of_sweeps` spread over the rows. Edges much shorter than their triangles are wide, as in
+the seams of a garment, lag far more than any displacement tells: l is small, and the masses are those of wide triangles.
 
 Measured over this: 0.74 in a seam below a pinned edge (membranes, one sweep; four 0.6; springs, which several constraints
 hold, 0.25); 0.7 to 1 in the collar of a shirt of 6436 points, 96 to 384 substeps x 1, where fewer edges carry more.
@@ -22,39 +22,40 @@ hold, 0.25); 0.7 to 1 in the collar of a shirt of 6436 points, 96 to 384 substep
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.model.model import Body, Model, hard_places
+from wsim.model.model import Model, PointBody, hard_places
 from wsim.physics.cloth.constraints import of_body
 from wsim.scene import Cloth
 
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
-def lag(model: Model, falls: list) -> float:
-    """Strain over h^2 / M, g q [1/s^2], largest of all cloths. falls: `wsim.simulation.predicted.errors.falls`."""
+def sweep_lag(model: Model, falls: list) -> float:
+    """Strain over h^2 / M, g q [1/s^2], largest of all cloths. falls: `wsim.simulation.predicted.errors.falling_bodies`."""
     bodies, pinned = [b for b in model.bodies if b.world == 0 and len(b.edges)], hard_places(model)
-    return max((f.g * slender(b, pinned, f.size) for b, f in zip(bodies, falls, strict=True) if isinstance(b.source, Cloth)),
+    return max((f.g * slenderness_of_cloth(b, pinned, f.size) for b, f in zip(bodies, falls, strict=True)
+                if isinstance(b.source, Cloth)),
                default=0.0)
 
 
-def slender(body: Body, pinned: np.ndarray, size: float) -> float:
+def slenderness_of_cloth(body: PointBody, pinned: np.ndarray, size: float) -> float:
     """q [1/m] of a cloth; 0 without an edge between two triangles. pinned: places in the arrays, which do not move; size: L."""
-    hinges = topology.hinges(body.triangles - body.first)
+    hinges = topology.hinges_of_triangles(body.triangles - body.first)
     p, w = body.rest, np.divide(1.0, body.masses, out=np.zeros(body.count), where=body.masses > 0.0)
     w[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = 0.0
-    area = topology.areas(p, hinges[:, [0, 1, 2]]) + topology.areas(p, hinges[:, [0, 1, 3]])
+    area = topology.triangle_areas(p, hinges[:, [0, 1, 2]]) + topology.triangle_areas(p, hinges[:, [0, 1, 3]])
     square = ((p[hinges[:, 1]] - p[hinges[:, 0]])**2).sum(axis=1)
     found = (w[hinges[:, 0]] + w[hinges[:, 1]]) * np.divide(area, square, out=np.zeros(len(area)), where=square > 0.0)
     return float(body.masses.sum()) / size * float(found.max(initial=0.0))
 
 
 def strain_left(model: Model, falls: list, choice) -> float:
-    """Strain that the sweeps of a `wsim.simulation.choice.Choice` leave; 0 of other solvers."""
+    """Strain that the sweeps of a `wsim.simulation.choice.SchemeChoice` leave; 0 of other solvers."""
     if choice.solver != "xpbd":
         return 0.0
-    return lag(model, falls) / (model.scene.fps * choice.substeps)**2 / choice.iterations
+    return sweep_lag(model, falls) / (model.scene.fps * choice.substeps)**2 / choice.iterations
 
 
-def uneven(model: Model) -> bool:
+def masses_are_uneven(model: Model) -> bool:
     """True if free masses that hold each other differ by more than UNEVEN."""
     pinned = hard_places(model)
     for body in (b for b in model.bodies if b.world == 0):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.physics.rigid.solids import as_met
+from wsim.physics.rigid.solids import contact_shape_of
 from wsim.scene import Plane
 from wsim.scene.solids import Capsule, Cone, Cylinder, Sphere
 
@@ -28,7 +28,7 @@ SWEPT = 64             # shapes whose bounds are compared at once
 
 
 @dataclass
-class Row:
+class ShapeAtStart:
     """A convex shape in the world, lengths in [m]."""
 
     body: int                                  # -1: it stands
@@ -41,7 +41,7 @@ class Row:
     path: str = ""                             # of its collider
 
     @classmethod
-    def of(cls, body: int, M: np.ndarray, met, path: str) -> "Row":
+    def of(cls, body: int, M: np.ndarray, met, path: str) -> "ShapeAtStart":
         """A shape that M (4, 4) places."""
         middle, R, shape = M[:3, :3] @ np.array(met.center, np.float64) + M[:3, 3], M[:3, :3], met.shape
         if isinstance(shape, (Sphere, Capsule)):
@@ -55,10 +55,10 @@ class Row:
         return cls(body, middle + R @ inner, R, tuple(high - inner), points=met.hull.vertices - inner, path=path)
 
 
-class Solids:
+class ShapesAtStart:
     """Rows as arrays, those of bodies first; paths: of their colliders; reach: the gap that counts [m]."""
 
-    def __init__(self, rows: list[Row]):
+    def __init__(self, rows: list[ShapeAtStart]):
         self.body, self.paths = np.array([r.body for r in rows], int), [r.path for r in rows]
         self.center = np.array([r.center for r in rows], np.float64).reshape(-1, 3)
         self.axes = np.array([r.axes for r in rows], np.float64).reshape(-1, 3, 3)
@@ -70,10 +70,10 @@ class Solids:
         self.hulls = np.cumsum([r.points is not None for r in rows]) - 1
         self.hulls[[r.points is None for r in rows]] = -1
         mine = np.flatnonzero(self.body >= 0)
-        low, high = self.intervals(mine, np.swapaxes(self.axes[mine], 1, 2))
+        low, high = self.intervals_along(mine, np.swapaxes(self.axes[mine], 1, 2))
         self.reach = NEAR * float((high - low).min(initial=np.inf))
 
-    def intervals(self, i: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def intervals_along(self, i: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ends (p, k) [m] of shapes i (p,) along unit vectors L (p, k, 3), from the world's origin."""
         own = L @ self.axes[i]                                        # (p, k, 3)
         r = np.abs(own) @ self.half[i][..., None] + self.ball[i][:, None, None]
@@ -88,70 +88,71 @@ class Solids:
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corners (n, 3) [m]."""
-        return self.intervals(np.arange(len(self.body)), np.tile(np.eye(3), (len(self.body), 1, 1)))
+        return self.intervals_along(np.arange(len(self.body)), np.tile(np.eye(3), (len(self.body), 1, 1)))
 
 
-def solids_of(scene, bodies: list) -> tuple[Solids, list]:
+def solids_of(scene, bodies: list) -> tuple[ShapesAtStart, list]:
     """Convex shapes of a scene, and of the meshes that stand the corners of their triangles (t, 3, 3) [m] and paths."""
     frames = [body.motion.at(0.0) for body in bodies]
-    rows = [Row.of(k, M @ c.motion.at(0.0), met, c.path) for k, (body, M) in enumerate(zip(bodies, frames, strict=True))
-            for c in body.colliders if (met := as_met(c, True)) is not None]
-    still = [(c.motion.at(0.0), met, c.path) for c in scene.colliders if (met := as_met(c, False)) is not None]
+    rows = [ShapeAtStart.of(k, M @ c.motion.at(0.0), met, c.path)
+            for k, (body, M) in enumerate(zip(bodies, frames, strict=True))
+            for c in body.colliders if (met := contact_shape_of(c, True)) is not None]
+    still = [(c.motion.at(0.0), met, c.path) for c in scene.colliders if (met := contact_shape_of(c, False)) is not None]
     reach = ENDLESS * (1.0 + max(float(np.abs(M).max()) for M in [*frames, *[M for M, *_ in still]]))
     for M, met, path in still:
         if isinstance(met.shape, Plane):
-            rows.append(Row(-1, M[:3, 3] - reach * M[:3, 2], M[:3, :3], (reach,) * 3, path=path))
+            rows.append(ShapeAtStart(-1, M[:3, 3] - reach * M[:3, 2], M[:3, :3], (reach,) * 3, path=path))
         elif met.mesh is None:
-            rows.append(Row.of(-1, M, met, path))
+            rows.append(ShapeAtStart.of(-1, M, met, path))
     meshes = [(((met.mesh[0] + met.center) @ M[:3, :3].T + M[:3, 3])[met.mesh[1]], path) for M, met, path in still if met.mesh]
-    return Solids(rows), meshes
+    return ShapesAtStart(rows), meshes
 
 
 @dataclass
-class Touches:
+class TouchingPairs:
     """Pairs of shapes a, b, the normal from b to a, and where they touch."""
 
-    a: np.ndarray                 # (m,) rows of `Solids`
+    a: np.ndarray                 # (m,) rows of `ShapesAtStart`
     b: np.ndarray                 # (m,); -1: a mesh that stands
     n: np.ndarray                 # (m, 3)
     points: np.ndarray            # (m, 4, 3) [m] corners of the patch
     count: np.ndarray             # (m,) how many of the corners differ: 4, 2 of a line, 1
 
-    def joined(self, other: "Touches") -> "Touches":
-        return Touches(*(np.concatenate(each) for each in zip(self.arrays, other.arrays, strict=True)))
+    def joined(self, other: "TouchingPairs") -> "TouchingPairs":
+        return TouchingPairs(*(np.concatenate(each) for each in zip(self.arrays, other.arrays, strict=True)))
 
-    def part(self, keep: np.ndarray) -> "Touches":
-        return Touches(*(each[keep] for each in self.arrays))
+    def part(self, keep: np.ndarray) -> "TouchingPairs":
+        return TouchingPairs(*(each[keep] for each in self.arrays))
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
         return self.a, self.b, self.n, self.points, self.count
 
 
-def touching(scene, bodies: list) -> tuple[Solids, Touches]:
+def touching_pairs(scene, bodies: list) -> tuple[ShapesAtStart, TouchingPairs]:
     """Shapes of a scene, and the pairs of them that touch, each of a body at least, and which no filter keeps apart."""
     s, meshes = solids_of(scene, bodies)
-    i, j = near(s)
-    found = _patches(s, *_apart(s, i, j))
+    i, j = near_pairs(s)
+    found = _patches_of_pairs(s, *_separating_axes(s, i, j))
     other = found.b
     for k, (corners, _) in enumerate(meshes):
         more = _on_mesh(s, corners)
         found, other = found.joined(more), np.concatenate([other, np.full(len(more.a), len(s.body) + k)])
     if scene.things("Group") or scene.things("FilteredPairs"):
-        found = found.part(~filtered(scene, bodies, s, [path for _, path in meshes])[found.a, other])
+        found = found.part(~filtered_pairs(scene, bodies, s, [path for _, path in meshes])[found.a, other])
     return s, found
 
 
-def upright(up: np.ndarray) -> np.ndarray:
+def upright_axes(up: np.ndarray) -> np.ndarray:
     """Axes (3, 3) in rows: the unit vector up (3,), and two across."""
     return np.concatenate([up[None], np.linalg.svd(up[None])[2][1:]])
 
 
-def dropped(s: Solids, falls: np.ndarray, up: np.ndarray) -> Touches:
+def touching_after_fall(s: ShapesAtStart, falls: np.ndarray, up: np.ndarray) -> TouchingPairs:
     """Pairs of shapes of bodies that fall, falls (bodies,), and what of other bodies is next below them along gravity, as if
     bounds were solid; what has nothing below lands on what stands."""
-    axes, found = upright(up), list[tuple[int, int]]()
-    low, high = s.intervals(np.arange(len(s.body)), np.tile(axes, (len(s.body), 1, 1)))
+    axes, found = upright_axes(up), list[tuple[int, int]]()
+    low, high = s.intervals_along(np.arange(len(s.body)), np.tile(axes, (len(s.body), 1, 1)))
     for i in np.flatnonzero((s.body >= 0) & falls[s.body]):
         wide = np.minimum(high[i], high) - np.maximum(low[i], low)
         over = (wide[:, 1:] > COMMON * (high[i] - low[i])[1:]).all(axis=1) & (s.body != s.body[i]) & (s.body >= 0)
@@ -162,15 +163,15 @@ def dropped(s: Solids, falls: np.ndarray, up: np.ndarray) -> Touches:
     lows, highs = ([v[a], np.where(b[:, None] >= 0, v[b], v[a])] for v in (low, high))
     first, last = np.maximum(*lows), np.minimum(*highs)
     corners = np.stack([np.stack([low[a, 0], p[:, 1], q[:, 2]], axis=1) for p in (first, last) for q in (first, last)], axis=1)
-    return Touches(a, b, np.tile(up, (len(a), 1)), corners @ axes, np.full(len(a), 4))
+    return TouchingPairs(a, b, np.tile(up, (len(a), 1)), corners @ axes, np.full(len(a), 4))
 
 
-def filtered(scene, bodies: list, s: Solids, meshes: list[str]) -> np.ndarray:
+def filtered_pairs(scene, bodies: list, s: ShapesAtStart, meshes: list[str]) -> np.ndarray:
     """Table of the shapes, meshes behind the others, that filters keep from touching each other."""
-    from wsim.physics.rigid.joints.filters.groups import filters
+    from wsim.physics.rigid.joints.filters.groups import collision_filters
     paths, body = [*s.paths, *meshes], [*s.body, *[-1] * len(meshes)]
-    found = filters(scene, [(path, min(k, 0)) for path, k in zip(paths, body, strict=True)],
-                    [bodies[k].path if k >= 0 else "" for k in body])
+    found = collision_filters(scene, [(path, min(k, 0)) for path, k in zip(paths, body, strict=True)],
+                              [bodies[k].path if k >= 0 else "" for k in body])
     if found is None:
         return np.zeros((len(paths), len(paths)), bool)
     table = found.table[np.ix_(found.kind, found.kind)].copy()
@@ -178,7 +179,7 @@ def filtered(scene, bodies: list, s: Solids, meshes: list[str]) -> np.ndarray:
     return table
 
 
-def near(s: Solids) -> tuple[np.ndarray, np.ndarray]:
+def near_pairs(s: ShapesAtStart) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (m,), (m,) of shapes whose bounds, grown by the gap that counts, overlap; the first is of a body. Shapes are gone
     through in the order in which they begin along the longest axis (sweep and prune), some at a time."""
     if not (s.body >= 0).any():
@@ -199,18 +200,18 @@ def near(s: Solids) -> tuple[np.ndarray, np.ndarray]:
     return pairs[:, 0], pairs[:, 1]
 
 
-def _unit(v: np.ndarray) -> np.ndarray:
+def _unit_vectors(v: np.ndarray) -> np.ndarray:
     """Unit vectors along the last axis; what is too short stays 0."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.divide(v, length, out=np.zeros_like(v), where=length > 1e-6)
 
 
-def _apart(s: Solids, i: np.ndarray, j: np.ndarray):
+def _separating_axes(s: ShapesAtStart, i: np.ndarray, j: np.ndarray):
     """(i, j, n, middle) of the pairs that touch: the normal from j to i, and n . x of the place between them."""
     A, B = (np.swapaxes(s.axes[k], 1, 2) for k in (i, j))
-    cross = _unit(np.cross(A[:, :, None], B[:, None]).reshape(len(i), 9, 3))
-    L = np.concatenate([A, B, cross, _unit(s.center[i] - s.center[j])[:, None]], axis=1)
-    (low_i, high_i), (low_j, high_j) = s.intervals(i, L), s.intervals(j, L)
+    cross = _unit_vectors(np.cross(A[:, :, None], B[:, None]).reshape(len(i), 9, 3))
+    L = np.concatenate([A, B, cross, _unit_vectors(s.center[i] - s.center[j])[:, None]], axis=1)
+    (low_i, high_i), (low_j, high_j) = s.intervals_along(i, L), s.intervals_along(j, L)
     above, below = low_i - high_j, low_j - high_i
     size = np.minimum((high_i - low_i)[:, :6].min(axis=1), (high_j - low_j)[:, :6].min(axis=1))
     gap = np.maximum(above, below) - 1e-3 * size[:, None] * (np.arange(16) >= 6)              # faces before edges
@@ -222,7 +223,7 @@ def _apart(s: Solids, i: np.ndarray, j: np.ndarray):
     return i[good], j[good], (sign[:, None] * L[rows, best])[good], middle[good]
 
 
-def _faces(s: Solids, i: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _faces_along_normal(s: ShapesAtStart, i: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Middle (m, 3) [m] and half extents along the own axes (m, 3) [m] of what of shapes i is farthest along n."""
     own = np.einsum("pj,pjk->pk", n, s.axes[i])
     free, half = np.abs(own) < FLAT, s.half[i]
@@ -232,10 +233,10 @@ def _faces(s: Solids, i: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndar
     return s.center[i] + np.einsum("pjk,pk->pj", s.axes[i], out), extent
 
 
-def _patches(s: Solids, i: np.ndarray, j: np.ndarray, n: np.ndarray, middle: np.ndarray) -> Touches:
+def _patches_of_pairs(s: ShapesAtStart, i: np.ndarray, j: np.ndarray, n: np.ndarray, middle: np.ndarray) -> TouchingPairs:
     """Patches of pairs; pairs whose faces have nothing in common are left out."""
-    faces = [_faces(s, i, -n), _faces(s, j, n)]
-    t = _across(s, i, j, n)
+    faces = [_faces_along_normal(s, i, -n), _faces_along_normal(s, j, n)]
+    t = _directions_across(s, i, j, n)
     low, high, wide = [], [], []
     for k, (place, extent) in zip((i, j), faces, strict=True):
         at = np.einsum("ptj,pj->pt", t, place)
@@ -253,34 +254,34 @@ def _patches(s: Solids, i: np.ndarray, j: np.ndarray, n: np.ndarray, middle: np.
     uv = np.stack([np.stack([a[:, 0], b[:, 1]], axis=1) for a in (first, last) for b in (first, last)], axis=1)
     points = np.einsum("pcu,puj->pcj", uv, t) + (middle[:, None] * n)[:, None]
     count = np.where(last - first > tiny, 2, 1).prod(axis=1)
-    return Touches(i[good], j[good], n[good], points[good], count[good])
+    return TouchingPairs(i[good], j[good], n[good], points[good], count[good])
 
 
-def _across(s: Solids, i: np.ndarray, j: np.ndarray, n: np.ndarray) -> np.ndarray:
+def _directions_across(s: ShapesAtStart, i: np.ndarray, j: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Two directions (m, 2, 3) across n, along the edges of the face that lies best on the patch."""
     own, other = (np.abs(np.einsum("pj,pjk->pk", n, s.axes[k])) for k in (i, j))
     best = np.where((own.max(axis=1) >= other.max(axis=1))[:, None, None], s.axes[i], s.axes[j])
     along = np.abs(np.einsum("pj,pjk->pk", n, best)).argmax(axis=1)
     first = best[np.arange(len(n)), :, (along + 1) % 3]
-    first = _unit(first - np.einsum("pj,pj->p", first, n)[:, None] * n)
+    first = _unit_vectors(first - np.einsum("pj,pj->p", first, n)[:, None] * n)
     return np.stack([first, np.cross(n, first)], axis=1)
 
 
-def _on_mesh(s: Solids, corners: np.ndarray) -> Touches:
+def _on_mesh(s: ShapesAtStart, corners: np.ndarray) -> TouchingPairs:
     """Shapes of bodies on a mesh that stands, corners (t, 3, 3) [m]: of each triangle within reach the side that it is on."""
     low, high = s.bounds()
     least, most = corners.min(axis=1) - s.reach, corners.max(axis=1) + s.reach
-    n = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    n = _unit_vectors(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     found: list[tuple[int, np.ndarray]] = []
     for i in np.flatnonzero(s.body >= 0):
         close = np.flatnonzero(((least <= high[i]) & (most >= low[i])).all(axis=1))
         if not len(close):
             continue
         side = np.sign(np.einsum("tj,tj->t", n[close], s.center[i] - corners[close, 0]))[:, None] * n[close]
-        ends = s.intervals(np.full(len(close), i), side[:, None])[0][:, 0]
+        ends = s.intervals_along(np.full(len(close), i), side[:, None])[0][:, 0]
         touch = np.abs(ends - np.einsum("tj,tj->t", side, corners[close, 0])) <= s.reach
-        if touch.any() and (mean := _unit(side[touch].sum(axis=0))).any():
+        if touch.any() and (mean := _unit_vectors(side[touch].sum(axis=0))).any():
             found.append((int(i), mean))
     on, up = np.array([i for i, _ in found], int), np.array([n for _, n in found]).reshape(-1, 3)
-    t = _patches(s, on, on, up, s.intervals(on, up[:, None])[0][:, 0])
-    return Touches(t.a, np.full(len(t.a), -1), t.n, t.points, t.count)
+    t = _patches_of_pairs(s, on, on, up, s.intervals_along(on, up[:, None])[0][:, 0])
+    return TouchingPairs(t.a, np.full(len(t.a), -1), t.n, t.points, t.count)

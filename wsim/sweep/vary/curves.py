@@ -12,20 +12,20 @@ import numpy as np
 
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.curve import Curve
-from wsim.sweep.vary.draws import table_of
+from wsim.sweep.vary.draws import read_table_rows
 
 END = ".csv"
 
 
-def named(given) -> bool:
+def names_curve_file(given) -> bool:
     """True for a draw that names a file of a curve."""
     return isinstance(given, str) and given.lower().endswith(END)
 
 
 @cache
-def _columns(path: str, what: str, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _curve_file_columns(path: str, what: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Times (rows,) and values (rows, count). Raises SceneError for other files."""
-    rows = table_of(path)
+    rows = read_table_rows(path)
     if any(len(row) != count + 1 or not all(isinstance(cell, float) and np.isfinite(cell) for cell in row) for row in rows):
         raise SceneError(Problem(path, f"a curve of {what} has {count + 1} columns of finite numbers: a time [s], and "
                                  f"{'its value' if count == 1 else 'three numbers'}"))
@@ -33,21 +33,21 @@ def _columns(path: str, what: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     return whole[:, 0], whole[:, 1:]
 
 
-def curve(path: str, what: str, vector: bool) -> Curve:
+def read_curve_file(path: str, what: str, vector: bool) -> Curve:
     """The curve of a file, of a number or a vector. Raises SceneError for what is none."""
-    times, values = _columns(path, what, 3 if vector else 1)
-    return made(path, lambda: Curve(times, values if vector else values[:, 0]))
+    times, values = _curve_file_columns(path, what, 3 if vector else 1)
+    return curve_or_scene_error(path, lambda: Curve(times, values if vector else values[:, 0]))
 
 
-def motion(path: str, start: np.ndarray) -> Motion:
+def read_motion_file(path: str, start: np.ndarray) -> Motion:
     """The motion of a file, of a frame that stands at `start` (4, 4) [m]. Raises SceneError for what is none."""
-    times, places = _columns(path, "a motion", 3)
+    times, places = _curve_file_columns(path, "a motion", 3)
     whole = np.tile(np.asarray(start, np.float64), (len(times), 1, 1))
     whole[:, :3, 3] += places
-    return made(path, lambda: Motion(times, whole))
+    return curve_or_scene_error(path, lambda: Motion(times, whole))
 
 
-def made(path: str, make):
+def curve_or_scene_error(path: str, make):
     try:
         return make()
     except ValueError as error:

@@ -29,7 +29,7 @@ Draw = dict[str, object]      # {target: number, vector (3,) as a tuple, or text
 
 
 @dataclass(frozen=True)
-class Span:
+class RangeOfValues:
     """Numbers from `low` to `high`; count: of a grid, None where it is left out."""
 
     target: str
@@ -56,7 +56,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Listed:
+class ListedValues:
     """Values that are named one by one, of one target or of several together: a tuple a draw."""
 
     names: tuple[str, ...]
@@ -69,16 +69,16 @@ class Listed:
         return list(self.rows)
 
 
-Axis = Span | Listed
+Axis = RangeOfValues | ListedValues
 
 
-def axes(texts) -> list[Axis]:
+def parse_sweep_axes(texts) -> list[Axis]:
     """Axes of texts as above. Raises SceneError with everything that is wrong."""
     problems: list[Problem] = []
     found: list[Axis] = []
     for text in texts:
         try:
-            found.append(axis(str(text)))
+            found.append(parse_sweep_axis(str(text)))
         except SceneError as error:
             problems += error.problems
     names = [name for each in found for name in each.names]
@@ -90,29 +90,29 @@ def axes(texts) -> list[Axis]:
     return found
 
 
-def axis(text: str) -> Axis:
+def parse_sweep_axis(text: str) -> Axis:
     """One axis. Raises SceneError for what is none."""
     if text.lower().endswith(".csv") and "=" not in text:
-        return joint(text)
+        return read_joint_draws(text)
     target, equals, draws = text.partition("=")
     if not (equals and target.strip()):
         raise SceneError(Problem("--vary", f"found {text!r}; write it as TARGET=log(LOW,HIGH,N), lin(...), list(A,B) or "
                                  "FILE.csv"))
     target = target.strip()
     if match := SPAN.match(draws):
-        return span(target, match[1], match[2])
+        return parse_value_range(target, match[1], match[2])
     if match := LIST.match(draws):
-        rows = tuple((value(part),) for part in match[1].split(",") if part.strip())
+        rows = tuple((parse_draw_value(part),) for part in match[1].split(",") if part.strip())
         if not rows:
             raise SceneError(Problem(target, "its list is empty; name values"))
-        return Listed((target,), rows)
+        return ListedValues((target,), rows)
     if draws.strip().lower().endswith(".csv"):
-        return column(target, draws.strip())
+        return read_target_column(target, draws.strip())
     raise SceneError(Problem(target, f"varies as {draws!r}; allowed are lin(LOW,HIGH,N), log(LOW,HIGH,N), list(A,B) and "
                              "FILE.csv"))
 
 
-def span(target: str, kind: str, inside: str) -> Span:
+def parse_value_range(target: str, kind: str, inside: str) -> RangeOfValues:
     """Span of `kind(inside)`. Raises SceneError for one that is empty."""
     parts, how = [p.strip() for p in inside.split(",")], f"{kind}(LOW,HIGH,N)"
     try:
@@ -128,10 +128,10 @@ def span(target: str, kind: str, inside: str) -> Span:
         raise SceneError(Problem(target, f"a logarithmic range begins at {low:g}; it must begin above 0, or take lin"))
     if count is not None and not 1 <= count <= MOST:
         raise SceneError(Problem(target, f"{count} values of a range; allowed are 1 to {MOST}"))
-    return Span(target, kind, low, high, count)
+    return RangeOfValues(target, kind, low, high, count)
 
 
-def value(text: str):
+def parse_draw_value(text: str):
     """A number, a vector of three ("0 -9.81 0"), or the text itself."""
     words = text.split()
     try:
@@ -141,7 +141,7 @@ def value(text: str):
     return numbers[0] if len(numbers) == 1 else numbers
 
 
-def _rows(path: str) -> list[list[str]]:
+def _csv_file_rows(path: str) -> list[list[str]]:
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             return [[cell.strip() for cell in row] for row in csv.reader(file) if any(cell.strip() for cell in row)]
@@ -150,67 +150,67 @@ def _rows(path: str) -> list[list[str]]:
         raise SceneError(Problem(path, f"cannot be read: {said}")) from None
 
 
-def table_of(path: str) -> list[tuple]:
+def read_table_rows(path: str) -> list[tuple]:
     """Rows of a file as values; a first row that holds no numbers, where others do, is a heading and left out."""
-    found = [tuple(value(cell) for cell in row) for row in _rows(path)]
-    if len(found) > 1 and _words(found[0]) and not any(_words(row) for row in found[1:]):
+    found = [tuple(parse_draw_value(cell) for cell in row) for row in _csv_file_rows(path)]
+    if len(found) > 1 and _is_heading_row(found[0]) and not any(_is_heading_row(row) for row in found[1:]):
         found = found[1:]
     if not found:
         raise SceneError(Problem(path, "holds no row"))
     return found
 
 
-def column(target: str, path: str) -> Listed:
+def read_target_column(target: str, path: str) -> ListedValues:
     """Draws of one target: a row a value."""
-    found = table_of(path)
+    found = read_table_rows(path)
     wrong = next((k for k, row in enumerate(found) if len(row) not in (1, 3)), None)
     if wrong is not None:
         raise SceneError(Problem(path, f"row {wrong + 1} has {len(found[wrong])} columns; draws of {target} have one, or "
                                  "three of a vector"))
-    return Listed((target,), tuple((row[0],) if len(row) == 1 else (row,) for row in found))
+    return ListedValues((target,), tuple((row[0],) if len(row) == 1 else (row,) for row in found))
 
 
-def _words(row: tuple) -> bool:
+def _is_heading_row(row: tuple) -> bool:
     return all(isinstance(cell, str) for cell in row)
 
 
-def joint(path: str) -> Listed:
+def read_joint_draws(path: str) -> ListedValues:
     """Draws of several targets together, which the first row names."""
-    rows = _rows(path)
+    rows = _csv_file_rows(path)
     if len(rows) < 2 or not all(rows[0]):
         raise SceneError(Problem(path, "its first row must name the targets, and each row after it is a draw"))
     wrong = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
     if wrong is not None:
         raise SceneError(Problem(path, f"row {wrong + 1} has {len(rows[wrong])} columns, and the first names {len(rows[0])}"))
-    return Listed(tuple(rows[0]), tuple(tuple(value(cell) for cell in row) for row in rows[1:]))
+    return ListedValues(tuple(rows[0]), tuple(tuple(parse_draw_value(cell) for cell in row) for row in rows[1:]))
 
 
 # runs
 
-def grid(found: list[Axis]) -> list[Draw]:
+def grid_draws(found: list[Axis]) -> list[Draw]:
     """The product of all axes. Raises SceneError for ranges without a number of values, or too many runs."""
-    open_ = [a for a in found if isinstance(a, Span) and a.count is None]
+    open_ = [a for a in found if isinstance(a, RangeOfValues) and a.count is None]
     if open_:
         raise SceneError([Problem(a.names[0], f"its range has no number of values; write {a.kind}({a.low:g},{a.high:g},N), "
                                   "or ask for a Latin hypercube") for a in open_])
     rows = [a.values() for a in found]
-    _refuse(int(np.prod([float(len(each)) for each in rows])))
-    return [_draw(found, parts) for parts in product(*rows)]
+    _check_number_of_runs(int(np.prod([float(len(each)) for each in rows])))
+    return [_draw_of_axis_values(found, parts) for parts in product(*rows)]
 
 
-def latin(found: list[Axis], count: int, seed: int) -> list[Draw]:
+def latin_hypercube(found: list[Axis], count: int, seed: int) -> list[Draw]:
     """A Latin hypercube of `count` draws; the same seed gives the same draws."""
-    _refuse(count)
+    _check_number_of_runs(count)
     made = np.random.default_rng(seed)
     parts = [a.at((made.permutation(count) + made.random(count)) / count) for a in found]
-    return [_draw(found, [each[k] for each in parts]) for k in range(count)]
+    return [_draw_of_axis_values(found, [each[k] for each in parts]) for k in range(count)]
 
 
-def _draw(found: list[Axis], parts) -> Draw:
+def _draw_of_axis_values(found: list[Axis], parts) -> Draw:
     return {name: given for each, values in zip(found, parts, strict=True)
             for name, given in zip(each.names, values, strict=True)}
 
 
-def _refuse(count: int) -> None:
+def _check_number_of_runs(count: int) -> None:
     if not 1 <= count <= MOST:
         raise SceneError(Problem("--vary", f"{count} runs; allowed are 1 to {MOST}"))

@@ -13,30 +13,31 @@ from pxr import Gf, Usd, UsdGeom
 
 from wsim.scene import Problem, SceneError
 from wsim.usd import names
-from wsim.usd.new.mesh import Bare, relative
-from wsim.usd.new.place import put, under
+from wsim.usd.new.mesh import BareMesh, relative_asset_path
+from wsim.usd.new.place import free_path_below_root, set_world_transform
 from wsim.usd.stage import SUFFIXES, open_stage
 
 SHAPES = ("Mesh", "Plane", "Sphere", "Cube", "Capsule", "Capsule_1", "Cylinder", "Cylinder_1", "Cone")
 
 
-def is_file(given: str) -> bool:
+def is_collider_file(given: str) -> bool:
     """True if a collider is given as a file."""
     return given.lower().endswith((*SUFFIXES, ".usdz")) or os.path.isfile(given)
 
 
-def author_colliders(stage: Usd.Stage, bare: Bare, out, given: tuple[str, ...], notes: list[Problem]) -> None:
+def author_colliders(stage: Usd.Stage, bare: BareMesh, out, given: tuple[str, ...], notes: list[Problem]) -> None:
     """Makes what is given collide. Raises SceneError where it is not there, or holds no shape."""
     for each in given:
-        prim = _referred(stage, bare, out, each, notes) if is_file(each) else _found(stage, bare, each)
-        _collide(prim, bare, each)
+        prim = _reference_collider_file(stage, bare, out, each,
+                                        notes) if is_collider_file(each) else _find_collider_prim(stage, bare, each)
+        _enable_collision(prim, bare, each)
         root = stage.GetDefaultPrim().GetPath()
         if not prim.GetPath().HasPrefix(root):
             notes.append(Problem(str(prim.GetPath()), f"collides, and stands outside of the default prim {root}: a stage that "
                                  "refers to this scene lacks it; move it below", fatal=False))
 
 
-def _found(stage: Usd.Stage, bare: Bare, given: str) -> Usd.Prim:
+def _find_collider_prim(stage: Usd.Stage, bare: BareMesh, given: str) -> Usd.Prim:
     """The prim of that path or name."""
     prims = [p for p in stage.Traverse() if given in (str(p.GetPath()), p.GetName())]
     if len(prims) == 1:
@@ -46,7 +47,7 @@ def _found(stage: Usd.Stage, bare: Bare, given: str) -> Usd.Prim:
     raise SceneError(Problem(given, f"{what}; its shapes: {', '.join(there[:8]) or 'none besides the mesh'} (--collider)"))
 
 
-def _referred(stage: Usd.Stage, bare: Bare, out, file: str, notes: list[Problem]) -> Usd.Prim:
+def _reference_collider_file(stage: Usd.Stage, bare: BareMesh, out, file: str, notes: list[Problem]) -> Usd.Prim:
     """A prim that refers to a file, scaled and turned to the units of the stage."""
     other = open_stage(file, notes=notes)
     start = other.GetDefaultPrim() or next(iter(other.GetPseudoRoot().GetChildren()), None)
@@ -54,15 +55,15 @@ def _referred(stage: Usd.Stage, bare: Bare, out, file: str, notes: list[Problem]
         raise SceneError(Problem(file, "has no prim that could collide (--collider)"))
     UsdGeom.Scope.Define(stage, f"{stage.GetDefaultPrim().GetPath()}/colliders")
     name = re.sub(r"\W", "_", os.path.splitext(os.path.basename(file))[0])
-    path = under(stage, f"colliders/{name if not name[:1].isdigit() else f'_{name}'}")
+    path = free_path_below_root(stage, f"colliders/{name if not name[:1].isdigit() else f'_{name}'}")
     around = UsdGeom.Xform.Define(stage, path)
-    put(around, _turned(other, bare), bare.units)
+    set_world_transform(around, _stage_conversion_matrix(other, bare), bare.units)
     prim = stage.DefinePrim(f"{path}/{start.GetName()}")
-    prim.GetReferences().AddReference(relative(file, out), start.GetPath())
+    prim.GetReferences().AddReference(relative_asset_path(file, out), start.GetPath())
     return prim
 
 
-def _turned(other: Usd.Stage, bare: Bare) -> np.ndarray:
+def _stage_conversion_matrix(other: Usd.Stage, bare: BareMesh) -> np.ndarray:
     """Matrix (4, 4), row vectors, from the units and axes of another stage to those of the mesh's."""
     M = np.eye(4) * (UsdGeom.GetStageMetersPerUnit(other) / bare.units.metres)
     M[3, 3] = 1.0
@@ -73,7 +74,7 @@ def _turned(other: Usd.Stage, bare: Bare) -> np.ndarray:
     return np.round(np.array(quarter), 15) @ M
 
 
-def _collide(prim: Usd.Prim, bare: Bare, given: str) -> None:
+def _enable_collision(prim: Usd.Prim, bare: BareMesh, given: str) -> None:
     """Gives it and every shape below an API to collide; instances among them become prims of their own."""
     stage, found = prim.GetStage(), 0
     for instance in [p for p in Usd.PrimRange(prim) if p.IsInstance()]:

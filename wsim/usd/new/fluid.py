@@ -13,13 +13,13 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
 from wsim.geometry.topology import half_edges
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Problem, Scene, SceneError
 from wsim.usd import names
-from wsim.usd.attributes import author, read
+from wsim.usd.attributes import author_attribute, read_attribute
 from wsim.usd.new.colliders import author_colliders
-from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes, world_points
-from wsim.usd.new.place import author_ground, author_settings, put, settle, under
+from wsim.usd.new.mesh import BareMesh, NewSceneOptions, find_bare_mesh, new_scene_over_mesh, warn_unlikely_size, world_points
+from wsim.usd.new.place import author_ground, author_physics_scene, free_path_below_root, set_default_prim, set_world_transform
 from wsim.usd.stage import open_stage
 
 CELLS = 64                         # along the longest edge of the domain
@@ -31,7 +31,7 @@ TALL = 20.0                        # [m]: a mesh beyond is probably in other uni
 
 
 @dataclass(frozen=True)
-class Room:
+class DomainMargins:
     """The domain of a fluid that a mesh begins: its name, schema, and room around the mesh, in parts of its largest extent."""
 
     name: str
@@ -42,8 +42,8 @@ class Room:
     below: float                   # where there is no ground
 
 
-AIR = Room("air", names.WSIM_DOMAIN, "Fluid", 0.75, 3.0, 0.25)
-TANK = Room("tank", names.WSIM_LIQUID, "Liquid", 1.0, 0.5, 0.5)
+AIR = DomainMargins("air", names.WSIM_DOMAIN, "Fluid", 0.75, 3.0, 0.25)
+TANK = DomainMargins("tank", names.WSIM_LIQUID, "Liquid", 1.0, 0.5, 0.5)
 
 
 def author_fluid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS, **wanted) -> list[Problem]:
@@ -51,21 +51,21 @@ def author_fluid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS,
     warnings.
 
     cells           along the longest edge of the domain
-    prim, wanted    ground, meters_per_unit, frames, colliders: see `wsim.usd.new.mesh.Wanted`
+    prim, wanted    ground, meters_per_unit, frames, colliders: see `wsim.usd.new.mesh.NewSceneOptions`
 
     Raises SceneError: no such file or mesh, a mesh that is open, pins or a material, which smoke has not, a place that cannot
     be written.
     """
-    asked, notes = Wanted(prim, **wanted), []
-    with _begun(mesh_file, out, asked, cells, ("smoke", "what smokes", "smoking"), notes) as (stage, bare):
+    asked, notes = NewSceneOptions(prim, **wanted), []
+    with _new_fluid_stage(mesh_file, out, asked, cells, ("smoke", "what smokes", "smoking"), notes) as (stage, bare):
         mesh = stage.OverridePrim(bare.path)
         mesh.AddAppliedSchema(names.WSIM_SOURCE)
         for name, value in (("smoke", SMOKE), ("temperature", HEAT), ("hold", True)):
-            author(mesh, "Source", name, value, bare.units)
-        cube = _author_domain(stage, bare, AIR, cells, asked.ground)
+            author_attribute(mesh, "Source", name, value, bare.units)
+        cube = _author_fluid_cube(stage, bare, AIR, cells, asked.ground)
         if asked.ground is not None:
             up = 2 if bare.units.up == "Z" else 1
-            author(cube, "Fluid", "sides", ["closed" if k == 2 * up else "open" for k in range(6)], bare.units)
+            author_attribute(cube, "Fluid", "sides", ["closed" if k == 2 * up else "open" for k in range(6)], bare.units)
     return notes
 
 
@@ -74,22 +74,23 @@ def author_liquid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS
     at the start. Returns warnings.
 
     cells           along the longest edge of the tank
-    prim, wanted    ground, meters_per_unit, frames, colliders: see `wsim.usd.new.mesh.Wanted`
+    prim, wanted    ground, meters_per_unit, frames, colliders: see `wsim.usd.new.mesh.NewSceneOptions`
 
     Raises SceneError: no such file or mesh, a mesh that is open, pins or a material, which water has not, a place that cannot
     be written.
     """
-    asked, notes = Wanted(prim, **wanted), []
-    with _begun(mesh_file, out, asked, cells, ("liquid", "what is full of water", "full of water"), notes) as (stage, bare):
+    asked, notes = NewSceneOptions(prim, **wanted), []
+    with _new_fluid_stage(mesh_file, out, asked, cells, ("liquid", "what is full of water", "full of water"), notes) as (stage,
+                                                                                                                         bare):
         mesh = stage.OverridePrim(bare.path)
         mesh.AddAppliedSchema(names.WSIM_POUR)
         UsdGeom.Imageable(mesh).CreatePurposeAttr(UsdGeom.Tokens.guide)         # the water is seen, not the shape it had
-        cube = _author_domain(stage, bare, TANK, cells, asked.ground)
+        cube = _author_fluid_cube(stage, bare, TANK, cells, asked.ground)
         UsdGeom.Points.Define(stage, f"{cube.GetPath()}_drops").CreateDisplayColorAttr([WATER])      # those of the result
     return notes
 
 
-def swept_over(source: Usd.Stage, bare: Bare) -> Bare:
+def swept_over(source: Usd.Stage, bare: BareMesh) -> BareMesh:
     """With the points of all its frames: a source that moves stays in its domain."""
     prim, codes = source.GetPrimAtPath(bare.path), bare.units.start + np.arange(1, min(bare.frames, MOST) + 1)
     moved = [world_points(prim, bare.units, float(code)) for code in codes]
@@ -99,8 +100,8 @@ def swept_over(source: Usd.Stage, bare: Bare) -> Bare:
 
 
 @contextmanager
-def _begun(mesh_file, out, asked: Wanted, cells: int, words: tuple[str, str, str],
-           notes: list[Problem]) -> Iterator[tuple[Usd.Stage, Bare]]:
+def _new_fluid_stage(mesh_file, out, asked: NewSceneOptions, cells: int, words: tuple[str, str, str],
+                     notes: list[Problem]) -> Iterator[tuple[Usd.Stage, BareMesh]]:
     """The new stage and its closed mesh; settings, colliders and a ground come last. words: the fluid, the mesh, how it is."""
     fluid, what, how = words
     for option, given in (("pins", asked.pins), ("material", asked.bound)):
@@ -109,36 +110,36 @@ def _begun(mesh_file, out, asked: Wanted, cells: int, words: tuple[str, str, str
     if cells < 8:
         raise SceneError(Problem("cells", f"{cells} along the longest edge; allowed are 8 and more"))
     source = open_stage(mesh_file, notes=notes)
-    bare = bare_mesh(source, mesh_file, out, SHAPES, asked, fluid)
-    notes += size_notes(source, bare, asked, TALL, what)
+    bare = find_bare_mesh(source, mesh_file, out, SHAPES, asked, fluid)
+    notes += warn_unlikely_size(source, bare, asked, TALL, what)
     if bare.kind == "Mesh":
-        _closed(source, bare, fluid)
+        _refuse_open_mesh(source, bare, fluid)
     if fluid == "smoke":
         bare = swept_over(source, bare)
     del source
-    with scene_over(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {how}", notes) as stage:
-        bare = settle(stage, bare)
+    with new_scene_over_mesh(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {how}", notes) as stage:
+        bare = set_default_prim(stage, bare)
         yield stage, bare
-        author_settings(stage, Scene().substeps, Scene().iterations)
+        author_physics_scene(stage, Scene().substeps, Scene().iterations)
         author_colliders(stage, bare, out, asked.colliders, notes)
         if asked.ground is not None:
             author_ground(stage, bare.units, bare.bounds, asked.ground, notes)
 
 
-def _closed(stage: Usd.Stage, bare: Bare, fluid: str) -> None:
+def _refuse_open_mesh(stage: Usd.Stage, bare: BareMesh, fluid: str) -> None:
     """Raises SceneError for a mesh with edges that are not of two faces: it has no inside."""
     prim = stage.GetPrimAtPath(bare.path)
-    counts, indices = (read(prim, "Cloth", name, bare.units) for name in ("counts", "indices"))
+    counts, indices = (read_attribute(prim, "Cloth", name, bare.units) for name in ("counts", "indices"))
     if counts is None or indices is None:
         raise SceneError(Problem(str(bare.path), f"has no faces; {fluid} is inside a closed mesh"))
-    key = half_edges(triangulate(bare.world, counts, indices)[0])[-1]
+    key = half_edges(triangulate_polygons(bare.world, counts, indices)[0])[-1]
     loose = int(np.count_nonzero(np.unique(key, return_counts=True)[1] != 2))
     if loose:
         raise SceneError(Problem(str(bare.path), f"is open at {loose} edges, and {fluid} is inside a closed mesh: close its "
                                  "holes, and sew points at one place together"))
 
 
-def _author_domain(stage: Usd.Stage, bare: Bare, room: Room, cells: int, ground: float | None) -> Usd.Prim:
+def _author_fluid_cube(stage: Usd.Stage, bare: BareMesh, room: DomainMargins, cells: int, ground: float | None) -> Usd.Prim:
     """A Cube of whole cells; on the ground, where there is one."""
     (low, high), up = bare.bounds, 2 if bare.units.up == "Z" else 1
     size = float((high - low).max())
@@ -149,12 +150,12 @@ def _author_domain(stage: Usd.Stage, bare: Bare, room: Room, cells: int, ground:
     edges = cell * np.maximum(np.ceil((high - low) / cell - 1e-6), 4.0)
     middle = 0.5 * (low + high)
     middle[up] = low[up] + 0.5 * edges[up]
-    cube, place = UsdGeom.Cube.Define(stage, under(stage, room.name)), np.eye(4)
+    cube, place = UsdGeom.Cube.Define(stage, free_path_below_root(stage, room.name)), np.eye(4)
     cube.CreatePurposeAttr(UsdGeom.Tokens.guide)
     cube.CreateExtentAttr([(-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)])
     place[3, :3] = middle / bare.units.metres
-    put(cube, place, bare.units)
+    set_world_transform(cube, place, bare.units)
     cube.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*(0.5 * edges / bare.units.metres).tolist()))
     cube.GetPrim().AddAppliedSchema(room.schema)
-    author(cube.GetPrim(), room.kind, "cell", cell, bare.units)
+    author_attribute(cube.GetPrim(), room.kind, "cell", cell, bare.units)
     return cube.GetPrim()

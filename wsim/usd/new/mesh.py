@@ -16,20 +16,20 @@ from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.usd.load import read_stage
-from wsim.usd.result.dependencies import overwritten
-from wsim.usd.stage import Units, open_stage, quiet
+from wsim.usd.result.dependencies import describe_overwrite
+from wsim.usd.stage import StageUnits, collect_warnings, open_stage
 from wsim.usd.write import author_units, new_stage
 
 
 @dataclass(frozen=True)
-class Bare:
+class BareMesh:
     """The mesh that is meant: its file, its prim, units, frames, its points in the world at the start [m], (n, 3) float64, and
     the root of its stage."""
 
     file: str
     path: Sdf.Path
     kind: str                                # "Mesh" or "TetMesh"
-    units: Units
+    units: StageUnits
     frames: int
     world: np.ndarray
     root: str
@@ -41,7 +41,7 @@ class Bare:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class NewSceneOptions:
     """The wishes that `wsim new` is given, whatever the mesh becomes.
 
     prim            path of the mesh, or of what holds it alone, or its name; None: the only mesh of the file
@@ -62,26 +62,27 @@ class Wanted:
     bound: str | None = None
 
 
-def bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: Wanted, what: str) -> Bare:
+def find_bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: NewSceneOptions, what: str) -> BareMesh:
     """The mesh that is meant, of one of `kinds` ("Mesh", "TetMesh"); `what` it shall become, in words.
 
     Raises SceneError if there is none, or more than one and none is named, if a layer cannot be written over it, or if `out`
     is a file that it is made of."""
-    mesh, file, given = _mesh(source, os.fspath(file), kinds, wanted.prim, what), os.fspath(file), wanted.meters_per_unit
-    units = Units.of(source)
+    mesh, file, given = (_choose_mesh_prim(source, os.fspath(file), kinds, wanted.prim, what), os.fspath(file),
+                         wanted.meters_per_unit)
+    units = StageUnits.of(source)
     if given is not None:
         if not (np.isfinite(given) and given > 0):
             raise SceneError(Problem(file, f"meters_per_unit is {given:g}; allowed is a finite number > 0"))
-        units = Units(given, units.kilograms, units.up, units.fps, units.start)
+        units = StageUnits(given, units.kilograms, units.up, units.fps, units.start)
     if not len(outline_points(mesh, units.start)):
         raise SceneError(Problem(str(mesh.GetPath()), "has no points (is a payload or reference missing?)"))
-    if overwritten(out, file):
+    if describe_overwrite(out, file):
         raise SceneError(Problem(os.fspath(out), "is a file that the mesh is made of; choose another output"))
     world = world_points(mesh, units, units.start)
-    units, frames = _times(source, units, wanted)
+    units, frames = _choose_frame_range(source, units, wanted)
     default = source.GetDefaultPrim()
     root = default.GetPath() if default and mesh.GetPath().HasPrefix(default.GetPath()) else mesh.GetPath().GetPrefixes()[0]
-    return Bare(file, mesh.GetPath(), str(mesh.GetTypeName()), units, frames, world, str(root))
+    return BareMesh(file, mesh.GetPath(), str(mesh.GetTypeName()), units, frames, world, str(root))
 
 
 def outline_points(prim: Usd.Prim, time: float) -> np.ndarray:
@@ -98,13 +99,13 @@ def outline_points(prim: Usd.Prim, time: float) -> np.ndarray:
     return np.array([] if points is None else points, np.float64).reshape(-1, 3)
 
 
-def world_points(prim: Usd.Prim, units: Units, time: float) -> np.ndarray:
+def world_points(prim: Usd.Prim, units: StageUnits, time: float) -> np.ndarray:
     """Those points in the world at a time code, (n, 3) float64 [m]."""
     M = np.array(UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim))
     return (outline_points(prim, time) @ M[:3, :3] + M[3, :3]) * units.metres
 
 
-def _times(source: Usd.Stage, units: Units, wanted: Wanted) -> tuple[Units, int]:
+def _choose_frame_range(source: Usd.Stage, units: StageUnits, wanted: NewSceneOptions) -> tuple[StageUnits, int]:
     """Start, rate and number of frames: of the mesh's file, or, where that has no range, of a collider's."""
     stages = [source, *(open_stage(file) for file in wanted.colliders if os.path.isfile(file))]
     timed = next((s for s in stages if s.HasAuthoredTimeCodeRange()), source)
@@ -114,18 +115,18 @@ def _times(source: Usd.Stage, units: Units, wanted: Wanted) -> tuple[Units, int]
     return units, wanted.frames or (authored if authored > 0 else Scene().frames)
 
 
-def _mesh(stage: Usd.Stage, file: str, kinds: tuple[str, ...], prim: str | None, what: str) -> Usd.Prim:
+def _choose_mesh_prim(stage: Usd.Stage, file: str, kinds: tuple[str, ...], prim: str | None, what: str) -> Usd.Prim:
     meshes = [p for p in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
               if any(p.IsA(getattr(UsdGeom, kind)) for kind in kinds)]
     called = " or ".join(kinds)
     if not meshes:
         raise SceneError(Problem(file, f"has no {called} to make {what} of"))
-    chosen = _first_kind(meshes, kinds) if prim is None else _named(meshes, prim)
+    chosen = _prims_of_first_kind(meshes, kinds) if prim is None else _match_mesh_name(meshes, prim)
     if not chosen:
-        raise SceneError(Problem(file, f"has no {called} at {prim}; its meshes: {_listed(meshes)}"))
+        raise SceneError(Problem(file, f"has no {called} at {prim}; its meshes: {_list_mesh_paths(meshes)}"))
     if len(chosen) > 1:
         raise SceneError(Problem(file, f"has {len(chosen)} meshes{f' under {prim}' if prim else ''}; name one by prim "
-                                 f"(--prim): {_listed(chosen)}"))
+                                 f"(--prim): {_list_mesh_paths(chosen)}"))
     if chosen[0].IsInstanceProxy():
         instance = chosen[0]
         while not instance.IsInstance():
@@ -136,16 +137,16 @@ def _mesh(stage: Usd.Stage, file: str, kinds: tuple[str, ...], prim: str | None,
     return chosen[0]
 
 
-def _first_kind(meshes: list[Usd.Prim], kinds: tuple[str, ...]) -> list[Usd.Prim]:
+def _prims_of_first_kind(meshes: list[Usd.Prim], kinds: tuple[str, ...]) -> list[Usd.Prim]:
     """Those of the first kind that there is."""
     return next(found for kind in kinds if (found := [p for p in meshes if p.IsA(getattr(UsdGeom, kind))]))
 
 
-def _listed(meshes: list[Usd.Prim]) -> str:
+def _list_mesh_paths(meshes: list[Usd.Prim]) -> str:
     return ", ".join(str(p.GetPath()) for p in meshes[:8]) + (f" and {len(meshes) - 8} more" if len(meshes) > 8 else "")
 
 
-def _named(meshes: list[Usd.Prim], name: str) -> list[Usd.Prim]:
+def _match_mesh_name(meshes: list[Usd.Prim], name: str) -> list[Usd.Prim]:
     """The mesh at that path; else those below it; else those whose own name it is."""
     for meant in (lambda p: str(p.GetPath()) == name, lambda p: str(p.GetPath()).startswith(name.rstrip("/") + "/"),
                   lambda p: p.GetName() == name):
@@ -155,7 +156,7 @@ def _named(meshes: list[Usd.Prim], name: str) -> list[Usd.Prim]:
     return []
 
 
-def size_notes(source: Usd.Stage, bare: Bare, wanted: Wanted, tall: float, what: str) -> list[Problem]:
+def warn_unlikely_size(source: Usd.Stage, bare: BareMesh, wanted: NewSceneOptions, tall: float, what: str) -> list[Problem]:
     """Warns of units that nobody stated, and of a size above `tall` [m], which is unlikely for `what` it is."""
     extent, path = bare.bounds[1] - bare.bounds[0], str(bare.path)
     found = f"is {extent.max():.3g} m large at metersPerUnit = {bare.units.metres:g}"
@@ -171,18 +172,18 @@ def size_notes(source: Usd.Stage, bare: Bare, wanted: Wanted, tall: float, what:
 
 
 @contextmanager
-def scene_over(bare: Bare, out, documentation: str, notes: list[Problem]) -> Iterator[Usd.Stage]:
+def new_scene_over_mesh(bare: BareMesh, out, documentation: str, notes: list[Problem]) -> Iterator[Usd.Stage]:
     """A new stage over the mesh's file, written to `out` when the block ends well and what it holds can be loaded; the
     loader's warnings are added to `notes`. What USD says of the source must be in notes already."""
-    with quiet([]), new_stage(out) as stage:
-        stage.GetRootLayer().subLayerPaths.append(relative(bare.file, out))
+    with collect_warnings([]), new_stage(out) as stage:
+        stage.GetRootLayer().subLayerPaths.append(relative_asset_path(bare.file, out))
         stage.GetRootLayer().documentation = documentation
         author_units(stage, bare.units, bare.frames)
         yield stage
         notes += [note for note in read_stage(stage).notes if note not in notes]
 
 
-def relative(file: str, out) -> str:
+def relative_asset_path(file: str, out) -> str:
     """Path of a file as seen from the folder of `out`, anchored there ("./"), in USD's spelling."""
     try:
         path = Path(os.path.relpath(file, Path(os.fspath(out)).resolve().parent)).as_posix()

@@ -8,7 +8,7 @@ import numpy as np
 from pxr import UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError, shapes
-from wsim.usd.stage import Units
+from wsim.usd.stage import StageUnits
 from wsim.usd.write import author_units, new_stage
 
 OBJ = ".obj"
@@ -35,7 +35,7 @@ def convert_obj(file, out, meters_per_unit: float | None, replaces: bool, notes:
     except (ValueError, OSError) as error:
         raise SceneError(Problem(file, str(error).removeprefix(f"{file}: "))) from None
     with new_stage(target) as stage:
-        author_units(stage, Units(meters_per_unit or 1.0, 1.0, "Y", 24.0, 0.0), 0)
+        author_units(stage, StageUnits(meters_per_unit or 1.0, 1.0, "Y", 24.0, 0.0), 0)
         stage.ClearMetadata("startTimeCode")
         stage.ClearMetadata("endTimeCode")
         mesh = UsdGeom.Mesh.Define(stage, "/mesh")

@@ -13,12 +13,12 @@ import re
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.geometry.tetra.embed import embed
+from wsim.geometry.tetra.embed import embed_in_tets
 from wsim.scene import Problem, SceneError
 from wsim.usd import names
-from wsim.usd.attributes import author
-from wsim.usd.new.mesh import Bare
-from wsim.usd.new.place import frame, under
+from wsim.usd.attributes import author_attribute
+from wsim.usd.new.mesh import BareMesh
+from wsim.usd.new.place import free_path_below_root, local_to_world_matrix
 from wsim.usd.prims.pins import DERIVED
 
 ENDS = {"top": (0.99, 1.0), "bottom": (0.0, 0.01)}
@@ -27,7 +27,7 @@ NUMBERS = re.compile(r"\d+(\.\.\d+)?(,\d+(\.\.\d+)?)*")
 LIKE = "top, bottom, a band as 0.9..1@z, point numbers as 0,5,20..25, or a GeomSubset of the mesh"
 
 
-def author_pins(stage: Usd.Stage, bare: Bare, body: Usd.Prim, given: tuple[str, ...], points=None, tets=None) -> None:
+def author_pins(stage: Usd.Stage, bare: BareMesh, body: Usd.Prim, given: tuple[str, ...], points=None, tets=None) -> None:
     """An attachment for each that is given, to an Xform that can be animated.
 
     body              the prim that is simulated
@@ -36,19 +36,20 @@ def author_pins(stage: Usd.Stage, bare: Bare, body: Usd.Prim, given: tuple[str, 
     """
     simulated = bare.world if points is None else points
     for spec in given:
-        band = _band(spec, bare)
+        band = _parse_bounds_band(spec, bare)
         if band is not None:
-            chosen = np.flatnonzero(_between(simulated, *band))
+            chosen = np.flatnonzero(_in_bounds_band(simulated, *band))
         else:
-            chosen = _named(stage, bare, spec)
+            chosen = _named_pin_points(stage, bare, spec)
             if points is not None:
-                chosen = np.unique(tets[embed(points, tets, bare.world[chosen])[0]])
+                chosen = np.unique(tets[embed_in_tets(points, tets, bare.world[chosen])[0]])
         if not len(chosen):
-            raise SceneError(Problem(str(bare.path), f"--pin {spec} holds no point{_flat(simulated, band)}; give {LIKE}"))
-        _author(stage, bare, body, chosen, simulated)
+            raise SceneError(Problem(str(bare.path),
+                                     f"--pin {spec} holds no point{_flat_mesh_hint(simulated, band)}; give {LIKE}"))
+        _author_pin_attachment(stage, bare, body, chosen, simulated)
 
 
-def _band(spec: str, bare: Bare) -> tuple[int, float, float] | None:
+def _parse_bounds_band(spec: str, bare: BareMesh) -> tuple[int, float, float] | None:
     """(axis, from, to) of a spec that means a band of the bounds; None of another."""
     if spec in ENDS:
         return (2 if bare.units.up == "Z" else 1), *ENDS[spec]
@@ -59,7 +60,7 @@ def _band(spec: str, bare: Bare) -> tuple[int, float, float] | None:
         return None
 
 
-def _flat(points: np.ndarray, band: tuple[int, float, float] | None) -> str:
+def _flat_mesh_hint(points: np.ndarray, band: tuple[int, float, float] | None) -> str:
     """Why a band of a mesh without extent along its axis holds nothing, and one of the longest axis; "" of others."""
     extent = np.ptp(points, axis=0)
     if band is None or extent[band[0]] > 1e-6 * extent.max(initial=0.0):
@@ -67,7 +68,7 @@ def _flat(points: np.ndarray, band: tuple[int, float, float] | None) -> str:
     return f" (the mesh is flat along {'xyz'[band[0]]}; one end of it is 0..0.01@{'xyz'[int(extent.argmax())]})"
 
 
-def _between(points: np.ndarray, axis: int, low: float, high: float) -> np.ndarray:
+def _in_bounds_band(points: np.ndarray, axis: int, low: float, high: float) -> np.ndarray:
     """Whether points (n, 3) lie in a part of their bounds; in float32 at least, so that an end is inside."""
     x = points[:, axis]
     extent = float(np.ptp(x))
@@ -75,7 +76,7 @@ def _between(points: np.ndarray, axis: int, low: float, high: float) -> np.ndarr
     return (part >= low - 1e-6) & (part <= high + 1e-6)
 
 
-def _named(stage: Usd.Stage, bare: Bare, spec: str) -> np.ndarray:
+def _named_pin_points(stage: Usd.Stage, bare: BareMesh, spec: str) -> np.ndarray:
     """Points of the mesh by number, or of a subset."""
     count = len(bare.world)
     if NUMBERS.fullmatch(spec):
@@ -89,10 +90,10 @@ def _named(stage: Usd.Stage, bare: Bare, spec: str) -> np.ndarray:
     if subset is None:
         known = ", ".join(p.GetName() for p in subsets) or "none"
         raise SceneError(Problem(str(bare.path), f"--pin {spec} is no {LIKE} (its subsets: {known})"))
-    return _of_subset(stage.GetPrimAtPath(bare.path), UsdGeom.Subset(subset), bare)
+    return _points_of_subset(stage.GetPrimAtPath(bare.path), UsdGeom.Subset(subset), bare)
 
 
-def _of_subset(mesh: Usd.Prim, subset: UsdGeom.Subset, bare: Bare) -> np.ndarray:
+def _points_of_subset(mesh: Usd.Prim, subset: UsdGeom.Subset, bare: BareMesh) -> np.ndarray:
     """Points of a subset's elements."""
     time = Usd.TimeCode(bare.units.start)
     indices, kind = np.array(subset.GetIndicesAttr().Get(time) or [], np.int64), subset.GetElementTypeAttr().Get()
@@ -112,15 +113,15 @@ def _of_subset(mesh: Usd.Prim, subset: UsdGeom.Subset, bare: Bare) -> np.ndarray
     raise SceneError(Problem(str(subset.GetPath()), f"is of {kind!r} elements; allowed is point, face, edge or tetrahedron"))
 
 
-def _author(stage: Usd.Stage, bare: Bare, body: Usd.Prim, points: np.ndarray, simulated: np.ndarray) -> None:
+def _author_pin_attachment(stage: Usd.Stage, bare: BareMesh, body: Usd.Prim, points: np.ndarray, simulated: np.ndarray) -> None:
     """An attachment of points to an Xform below it, at rest in the frame of the default prim."""
-    prim = stage.DefinePrim(under(stage, "pin"), names.ATTACHMENT)
+    prim = stage.DefinePrim(free_path_below_root(stage, "pin"), names.ATTACHMENT)
     target = UsdGeom.Xform.Define(stage, f"{prim.GetPath()}/frame").GetPrim()
     prim.CreateRelationship(names.SRC0, False).SetTargets([body.GetPath()])
     prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(str(target.GetPath()))])
-    author(prim, "Pin", "type0", "point")
-    author(prim, "Pin", "type1", "xform")
-    author(prim, "Pin", "points", points)
-    M = frame(target, bare.units)
+    author_attribute(prim, "Pin", "type0", "point")
+    author_attribute(prim, "Pin", "type1", "xform")
+    author_attribute(prim, "Pin", "points", points)
+    M = local_to_world_matrix(target, bare.units)
     local = (simulated[points] / bare.units.metres - M[3, :3]) @ np.linalg.inv(M[:3, :3]) * bare.units.metres
-    author(prim, "Pin", "places", local, bare.units).SetCustomDataByKey(DERIVED, True)
+    author_attribute(prim, "Pin", "places", local, bare.units).SetCustomDataByKey(DERIVED, True)

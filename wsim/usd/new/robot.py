@@ -20,9 +20,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from wsim.scene import Problem, SceneError
 from wsim.usd import names
 from wsim.usd.load import read_stage
-from wsim.usd.new.mesh import relative
+from wsim.usd.new.mesh import relative_asset_path
 from wsim.usd.new.place import author_ground
-from wsim.usd.stage import SUFFIXES, Units, applied, open_stage, quiet
+from wsim.usd.stage import SUFFIXES, StageUnits, applied_schemas, collect_warnings, open_stage
 from wsim.usd.write import author_units, new_stage
 
 PACKAGES = {".xml": "mujoco-usd-converter", ".urdf": "urdf-usd-converter"}
@@ -59,17 +59,17 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
         raise SceneError(Problem(file, "there is no such file; give the path of a .urdf or .xml file"))
     if target.suffix not in SUFFIXES or not target.parent.is_dir():
         raise SceneError(Problem(str(target), f"is no place for a scene; allowed: {', '.join(SUFFIXES)} in an existing folder"))
-    tool = _tool(package)
+    tool = _find_converter(package)
     folder = target.with_name(f"{target.stem}_robot")
-    robot = _converted(tool, file, folder)
+    robot = _convert_robot(tool, file, folder)
     notes: list[Problem] = []
-    model = _model(tool, file, notes) if package.startswith("mujoco") else None
-    with quiet([]), new_stage(target) as stage:
+    model = _read_mujoco_model(tool, file, notes) if package.startswith("mujoco") else None
+    with collect_warnings([]), new_stage(target) as stage:
         source = open_stage(robot)
-        stage.GetRootLayer().subLayerPaths.append(relative(str(robot), target))
+        stage.GetRootLayer().subLayerPaths.append(relative_asset_path(str(robot), target))
         stage.GetRootLayer().documentation = f"the robot of {os.path.basename(file)}"
-        units = Units(UsdGeom.GetStageMetersPerUnit(source), UsdPhysics.GetStageKilogramsPerUnit(source),
-                      str(UsdGeom.GetStageUpAxis(source)))
+        units = StageUnits(UsdGeom.GetStageMetersPerUnit(source), UsdPhysics.GetStageKilogramsPerUnit(source),
+                           str(UsdGeom.GetStageUpAxis(source)))
         author_units(stage, units, frames or FRAMES)
         stage.SetDefaultPrim(stage.GetPrimAtPath(source.GetDefaultPrim().GetPath()))
         if model is not None:
@@ -82,7 +82,7 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
     return notes
 
 
-def _tool(package: str) -> Path:
+def _find_converter(package: str) -> Path:
     """The converter's command. Raises SceneError that says how to get it."""
     place = Path(os.environ.get("WSIM_ROBOTS") or Path("~/.cache/wsim/robots").expanduser())
     scripts, command = place / ("Scripts" if os.name == "nt" else "bin"), package.replace("-", "_")
@@ -93,7 +93,7 @@ def _tool(package: str) -> Path:
     return Path(found)
 
 
-def _run(command: list, file: str) -> None:
+def _run_converter(command: list, file: str) -> None:
     """Raises SceneError with the last words of a command that fails."""
     clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONHOME", "PXR_PLUGINPATH_NAME")}
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, env=clean, check=False)
@@ -102,13 +102,13 @@ def _run(command: list, file: str) -> None:
         raise SceneError(Problem(file, f"{Path(str(command[0])).name} refuses it: {(said or ['no reason'])[-1][:200]}"))
 
 
-def _converted(tool: Path, file: str, folder: Path) -> Path:
+def _convert_robot(tool: Path, file: str, folder: Path) -> Path:
     """The USD file that a converter makes, in a folder of its own: one that was made here before is replaced, no other."""
     if folder.exists() and not (folder / MADE).is_file():
         raise SceneError(Problem(str(folder), "is there already, and not by this command; the converted robot goes here: "
                                  "move it away, or choose another name for the scene"))
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
-        _run([tool, "--no-layer-structure", file, made], file)
+        _run_converter([tool, "--no-layer-structure", file, made], file)
         results = sorted(Path(made).glob("*.usd*"))
         if len(results) != 1:
             raise SceneError(Problem(file, f"{tool.name} made {len(results)} USD files of it; expected: one"))
@@ -118,13 +118,13 @@ def _converted(tool: Path, file: str, folder: Path) -> Path:
         return folder / results[0].name
 
 
-def _model(tool: Path, file: str, notes: list[Problem]) -> dict[str, Any] | None:
+def _read_mujoco_model(tool: Path, file: str, notes: list[Problem]) -> dict[str, Any] | None:
     """Masses, places and collision masks of the compiled MuJoCo model; None, with a warning, where MuJoCo refuses the file."""
     python = next((p for p in (tool.parent / "python", tool.parent / "python.exe") if p.exists()), Path(sys.executable))
     with tempfile.TemporaryDirectory() as place:
         result = Path(place) / "model.json"
         try:
-            _run([python, "-c", MODEL, file, result], file)
+            _run_converter([python, "-c", MODEL, file, result], file)
         except SceneError as error:
             notes += [Problem(p.path, f"{p.text}; masses and collision masks are those of the converter", False)
                       for p in error.problems]
@@ -132,9 +132,9 @@ def _model(tool: Path, file: str, notes: list[Problem]) -> dict[str, Any] | None
         return json.loads(result.read_text(encoding="utf-8"))
 
 
-def _author_model(stage: Usd.Stage, file: str, model: dict[str, Any], units: Units, notes: list[Problem]) -> None:
+def _author_model(stage: Usd.Stage, file: str, model: dict[str, Any], units: StageUnits, notes: list[Problem]) -> None:
     """Masses and filtered pairs of a MuJoCo model over the bodies of the stage, which come in its order."""
-    bodies = [prim for prim in stage.Traverse() if names.RIGID_BODY in applied(prim)]
+    bodies = [prim for prim in stage.Traverse() if names.RIGID_BODY in applied_schemas(prim)]
     cache = UsdGeom.XformCache()
     places = np.array([cache.GetLocalToWorldTransform(prim).ExtractTranslation() for prim in bodies]).reshape(-1, 3)
     true = np.array(model["places"], np.float64)[1:]
@@ -160,7 +160,7 @@ def _author_pairs(stage: Usd.Stage, model: dict[str, Any], bodies: list[Usd.Prim
     masks: dict[int, list[tuple[int, int]]] = {}
     for body, kind, others in model["geoms"]:
         masks.setdefault(body, []).append((kind, others))
-    still = [prim for prim in stage.Traverse() if names.COLLISION in applied(prim)
+    still = [prim for prim in stage.Traverse() if names.COLLISION in applied_schemas(prim)
              and not any(prim.GetPath().HasPrefix(body.GetPath()) for body in bodies)]
     world = masks.get(0, [])
     sides = [(prim, masks.get(k, [])) for k, prim in enumerate(bodies, 1)]

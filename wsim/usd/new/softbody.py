@@ -19,22 +19,29 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.geometry import topology
-from wsim.geometry.tetra.cage import cage, filled
-from wsim.geometry.tetra.repair import FLAT, mend
-from wsim.geometry.tetra.tets import measures, surface, volumes
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.tetra.cage import filled_fraction, tet_cage
+from wsim.geometry.tetra.repair import FLAT, repair_tets
+from wsim.geometry.tetra.tets import signed_tet_volumes, tet_surface_triangles, volumes_and_squared_edges
+from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Problem, SceneError
 from wsim.scene.solid import Bulk
 from wsim.usd import names
-from wsim.usd.attributes import author, read
+from wsim.usd.attributes import author_attribute, read_attribute
 from wsim.usd.new.colliders import author_colliders
 from wsim.usd.new.material import bind_material
-from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes
+from wsim.usd.new.mesh import BareMesh, NewSceneOptions, find_bare_mesh, new_scene_over_mesh, warn_unlikely_size
 from wsim.usd.new.pins import author_pins
-from wsim.usd.new.place import author_ground, author_settings, enclosed, frame, settle, under
+from wsim.usd.new.place import (
+    author_ground,
+    author_physics_scene,
+    enclose_in_xform,
+    free_path_below_root,
+    local_to_world_matrix,
+    set_default_prim,
+)
 from wsim.usd.prims.solid import author_bulk
-from wsim.usd.prims.surface import author_surface, free
-from wsim.usd.stage import applied, open_stage
+from wsim.usd.prims.surface import author_surface, free_prim_path
+from wsim.usd.stage import applied_schemas, open_stage
 
 CELLS = 10                         # of a cage along the longest side: bodies bend as they should from 4 cells across
 SUBSTEPS, ITERATIONS = 4, 2        # implicit steps of 1/96 s, two Newton steps each
@@ -42,7 +49,7 @@ THIN = 0.1                         # part of a cage that is body, below which it
 
 
 @dataclass(frozen=True)
-class Tets:
+class TetMeshData:
     """A mesh of tets in the world: points [m] (n, 3), tets (t, 4) of positive volume, and the part of each that is body."""
 
     points: np.ndarray
@@ -57,27 +64,28 @@ def author_softbody(mesh_file, out, material: Bulk | None = None, prim: str | No
 
     material        a Bulk (taken to seven digits); None: the physics material that the mesh is bound to, else its defaults
     cells           of the cage of a Mesh, along the longest side of its bounds; a TetMesh has its own
-    prim, wanted    ground, meters_per_unit, frames, pins, colliders, bound: see `wsim.usd.new.mesh.Wanted`; without prim
+    prim, wanted    ground, meters_per_unit, frames, pins, colliders, bound: see `wsim.usd.new.mesh.NewSceneOptions`; without
+    prim
                     the TetMesh counts where there are both
 
     Raises SceneError: no such file or mesh, a mesh that encloses nothing or cannot be simulated, a place that cannot be
     written.
     """
-    bulk, asked, notes = _rounded(material or Bulk()), Wanted(prim, **wanted), []
+    bulk, asked, notes = _round_material(material or Bulk()), NewSceneOptions(prim, **wanted), []
     source = open_stage(mesh_file, notes=notes)
-    bare = bare_mesh(source, mesh_file, out, ("TetMesh", "Mesh"), asked, "a soft body")
-    notes += size_notes(source, bare, asked, inf, "a soft body")
+    bare = find_bare_mesh(source, mesh_file, out, ("TetMesh", "Mesh"), asked, "a soft body")
+    notes += warn_unlikely_size(source, bare, asked, inf, "a soft body")
     mesh, caged = source.GetPrimAtPath(bare.path), bare.kind == "Mesh"
-    found = _caged(mesh, bare, cells, notes) if caged else _mended(mesh, bare, notes)
+    found = _make_cage(mesh, bare, cells, notes) if caged else _repair_tet_mesh(mesh, bare, notes)
     del source, mesh
     what = f"in a cage of {len(found.tets)} tets, as" if caged else "as"
-    with scene_over(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {what} soft body", notes) as stage:
-        bare = settle(stage, bare)
-        body, bare = _body(stage, bare, apart=bool(asked.colliders))
+    with new_scene_over_mesh(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {what} soft body", notes) as stage:
+        bare = set_default_prim(stage, bare)
+        body, bare = _make_body_prim(stage, bare, apart=bool(asked.colliders))
         tets = (_author_cage if caged else _author_tets)(stage, bare, body, found)
         bind_material(stage, bare, tets, asked, material is not None,
-                      lambda: author_bulk(stage, under(stage, "materials/soft"), bulk, bare.units))
-        author_settings(stage, SUBSTEPS, ITERATIONS)
+                      lambda: author_bulk(stage, free_path_below_root(stage, "materials/soft"), bulk, bare.units))
+        author_physics_scene(stage, SUBSTEPS, ITERATIONS)
         author_pins(stage, bare, tets, asked.pins, *(found.points, found.tets) if caged else ())
         author_colliders(stage, bare, out, asked.colliders, notes)
         if asked.ground is not None:
@@ -86,7 +94,7 @@ def author_softbody(mesh_file, out, material: Bulk | None = None, prim: str | No
     return notes
 
 
-def _rounded(material: Bulk) -> Bulk:
+def _round_material(material: Bulk) -> Bulk:
     """To seven digits, which a file holds."""
     numbers = {f.name: getattr(material, f.name) for f in fields(Bulk) if f.name != "model"}
     return Bulk(model=material.model, **{name: float(f"{value:.7g}") for name, value in numbers.items()})
@@ -94,19 +102,19 @@ def _rounded(material: Bulk) -> Bulk:
 
 # From a surface
 
-def _caged(mesh: Usd.Prim, bare: Bare, cells: int, notes: list[Problem]) -> Tets:
+def _make_cage(mesh: Usd.Prim, bare: BareMesh, cells: int, notes: list[Problem]) -> TetMeshData:
     """The cage of a Mesh. Raises SceneError where none can be made, or where the mesh encloses nothing."""
     path, time = str(bare.path), Usd.TimeCode(bare.units.start)
-    counts, indices = (read(mesh, "Cloth", field, bare.units, time) for field in ("counts", "indices"))
+    counts, indices = (read_attribute(mesh, "Cloth", field, bare.units, time) for field in ("counts", "indices"))
     if counts is None or indices is None:
         raise SceneError(Problem(path, "has no faces (is a payload or reference missing?)"))
     try:
-        triangles, _ = triangulate(bare.world, counts, indices)
-        points, tets = cage(bare.world, triangles, cells)
-        part = filled(bare.world, triangles, points, tets)
+        triangles, _ = triangulate_polygons(bare.world, counts, indices)
+        points, tets = tet_cage(bare.world, triangles, cells)
+        part = filled_fraction(bare.world, triangles, points, tets)
     except ValueError as error:
         raise SceneError(Problem(path, f"no cage of tets can be made around it: {error}")) from None
-    volume = volumes(points, tets)
+    volume = signed_tet_volumes(points, tets)
     share = float(part @ volume / volume.sum())
     if share == 0.0:
         raise SceneError(Problem(path, "encloses nothing; a soft body needs a closed surface. Close its holes, or make it "
@@ -118,35 +126,35 @@ def _caged(mesh: Usd.Prim, bare: Bare, cells: int, notes: list[Problem]) -> Tets
     if share < THIN:
         notes.append(Problem(path, f"fills {share:.1%} of its cage: cells are coarse for so thin a body; give more than "
                              f"{cells} (--cells)", fatal=False))
-    return Tets(points, tets, part)
+    return TetMeshData(points, tets, part)
 
 
 def _open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
     """How many edges belong to an odd number of triangles; points at equal places count as one."""
-    corners = topology.distinct(points)[1][triangles]
+    corners = topology.distinct_rows(points)[1][triangles]
     ends = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
     uses = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)[1]
     return int((uses % 2).sum())
 
 
-def _author_cage(stage: Usd.Stage, bare: Bare, body: Usd.Prim, found: Tets) -> Usd.Prim:
+def _author_cage(stage: Usd.Stage, bare: BareMesh, body: Usd.Prim, found: TetMeshData) -> Usd.Prim:
     """The cage beside the mesh in the body; returns the prim of the cage."""
-    _no_collider(stage.GetPrimAtPath(bare.path))
-    above = frame(body, bare.units)
+    _remove_mesh_collision(stage.GetPrimAtPath(bare.path))
+    above = local_to_world_matrix(body, bare.units)
     local = (found.points / bare.units.metres - above[3, :3]) @ np.linalg.inv(above[:3, :3])
     centre = np.round(local.mean(axis=0))                        # float32 points lose nothing far from the origin
-    mesh = UsdGeom.TetMesh.Define(stage, free(stage, f"{body.GetPath()}/tets"))
+    mesh = UsdGeom.TetMesh.Define(stage, free_prim_path(stage, f"{body.GetPath()}/tets"))
     mesh.AddTranslateOp().Set(tuple(centre))
     mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim = mesh.GetPrim()
-    author(prim, "Soft", "points", local - centre)
-    author(prim, "Soft", "filled", found.filled)
+    author_attribute(prim, "Soft", "points", local - centre)
+    author_attribute(prim, "Soft", "filled", found.filled)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     _author_topology(prim, found.tets, bool(np.linalg.det(above[:3, :3]) < 0))
-    return _simulated(prim)
+    return _apply_soft_schemas(prim)
 
 
-def _body(stage: Usd.Stage, bare: Bare, apart: bool) -> tuple[Usd.Prim, Bare]:
+def _make_body_prim(stage: Usd.Stage, bare: BareMesh, apart: bool) -> tuple[Usd.Prim, BareMesh]:
     """The prim that becomes the deformable body around a mesh, which may have to move there, and where the mesh is then. A body
     takes in every mesh below it; apart: it is none that others are put below."""
     mesh = stage.GetPrimAtPath(bare.path)
@@ -154,48 +162,48 @@ def _body(stage: Usd.Stage, bare: Bare, apart: bool) -> tuple[Usd.Prim, Bare]:
     others = [p for p in Usd.PrimRange(body) if p.IsA(UsdGeom.Boundable) and p != mesh]
     alone = body.IsA(UsdGeom.Imageable) and not body.IsA(UsdGeom.Gprim) and not others
     if not alone or apart and body == stage.GetDefaultPrim():
-        bare = replace(bare, path=enclosed(stage, mesh).GetPath())
+        bare = replace(bare, path=enclose_in_xform(stage, mesh).GetPath())
         body = stage.GetPrimAtPath(bare.path).GetParent()
     body.AddAppliedSchema(names.BODY)
     return body, bare
 
 
-def _no_collider(mesh: Usd.Prim) -> None:
+def _remove_mesh_collision(mesh: Usd.Prim) -> None:
     """A skin does not collide: its cage does."""
-    if names.COLLISION in applied(mesh):
+    if names.COLLISION in applied_schemas(mesh):
         mesh.CreateAttribute("physics:collisionEnabled", Sdf.ValueTypeNames.Bool, False).Set(False)
 
 
 # From tets
 
-def _rows(mesh: Usd.Prim, bare: Bare) -> tuple[np.ndarray, bool]:
+def _oriented_tets(mesh: Usd.Prim, bare: BareMesh) -> tuple[np.ndarray, bool]:
     """The tets of a TetMesh, (t, 4), wound as they should be in the world by its orientation; and whether its frame mirrors."""
     time = Usd.TimeCode(bare.units.start)
-    rows = read(mesh, "Soft", "tets", bare.units, time)
+    rows = read_attribute(mesh, "Soft", "tets", bare.units, time)
     if rows is None:
         raise SceneError(Problem(str(bare.path), "has no tetVertexIndices (is a payload or reference missing?)"))
     mirrored = bool(np.linalg.det(np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh))[:3, :3]) < 0)
-    left = read(mesh, "Soft", "orientation") == UsdGeom.Tokens.leftHanded
+    left = read_attribute(mesh, "Soft", "orientation") == UsdGeom.Tokens.leftHanded
     return rows[:, [0, 1, 3, 2]] if left != mirrored else rows, mirrored
 
 
-def _mended(mesh: Usd.Prim, bare: Bare, notes: list[Problem]) -> Tets:
+def _repair_tet_mesh(mesh: Usd.Prim, bare: BareMesh, notes: list[Problem]) -> TetMeshData:
     """The tets of a TetMesh, mended where they can be: turned, or left out where they are flat or a copy.
 
     Raises SceneError for what cannot be mended."""
-    path, rows = str(bare.path), _rows(mesh, bare)[0]
-    tets, turned, flaws = mend(bare.world, rows)
+    path, rows = str(bare.path), _oriented_tets(mesh, bare)[0]
+    tets, turned, flaws = repair_tets(bare.world, rows)
     if any(flaw.fatal for flaw in flaws):
-        tets = _without_bad(bare.world, tets)
+        tets = _drop_degenerate_tets(bare.world, tets)
         lost = len(rows) - len(tets)
-        flaws = mend(bare.world, tets)[2] if lost and not _has_subsets(mesh) else flaws
+        flaws = repair_tets(bare.world, tets)[2] if lost and not _has_subsets(mesh) else flaws
         if any(flaw.fatal for flaw in flaws):
             raise SceneError([Problem(path, flaw.text) for flaw in flaws if flaw.fatal])
         notes.append(Problem(path, f"{lost} of its {len(rows)} tets are flat or given twice; they are left out", fatal=False))
     if len(turned):
         notes.append(Problem(path, f"{len(turned)} of its {len(rows)} tets are wound against its orientation (first: tet "
                              f"{turned[0]}); they are turned", fatal=False))
-    return Tets(bare.world, tets)
+    return TetMeshData(bare.world, tets)
 
 
 def _has_subsets(mesh: Usd.Prim) -> bool:
@@ -203,35 +211,36 @@ def _has_subsets(mesh: Usd.Prim) -> bool:
     return any(child.IsA(UsdGeom.Subset) for child in mesh.GetChildren())
 
 
-def _without_bad(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+def _drop_degenerate_tets(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Tets that have a volume, each once; all of them where indices or points are at fault, which nothing mends."""
     if tets.size == 0 or tets.min() < 0 or tets.max() >= len(points) or not np.isfinite(points[tets]).all():
         return tets
-    volume, squares = measures(points, tets)
+    volume, squares = volumes_and_squared_edges(points, tets)
     tets = tets[volume > FLAT * squares.max(axis=0) ** 1.5]
     return tets[np.sort(np.unique(np.sort(tets, axis=1), axis=0, return_index=True)[1])]
 
 
-def _author_tets(stage: Usd.Stage, bare: Bare, body: Usd.Prim, found: Tets) -> Usd.Prim:
+def _author_tets(stage: Usd.Stage, bare: BareMesh, body: Usd.Prim, found: TetMeshData) -> Usd.Prim:
     """What makes the TetMesh the simulated one of its body: its tets only where they were mended, and its surface as a Mesh."""
     prim = stage.OverridePrim(bare.path)
-    rows, mirrored = _rows(prim, bare)
+    rows, mirrored = _oriented_tets(prim, bare)
     if not np.array_equal(rows, found.tets):
         _author_topology(prim, found.tets, mirrored)
-    author_surface(stage, UsdGeom.TetMesh(prim), found.tets, free(stage, f"{body.GetPath()}/surface"), bare.units.start)
-    return _simulated(prim)
+    author_surface(stage, UsdGeom.TetMesh(prim), found.tets, free_prim_path(stage, f"{body.GetPath()}/surface"),
+                   bare.units.start)
+    return _apply_soft_schemas(prim)
 
 
 # Both
 
 def _author_topology(prim: Usd.Prim, tets: np.ndarray, mirrored: bool) -> None:
     """Tets of positive volume in the world, and their surface; mirrored: the prim's frame is."""
-    author(prim, "Soft", "orientation", UsdGeom.Tokens.leftHanded if mirrored else UsdGeom.Tokens.rightHanded)
-    author(prim, "Soft", "tets", tets)
-    author(prim, "Soft", "surface", surface(tets))
+    author_attribute(prim, "Soft", "orientation", UsdGeom.Tokens.leftHanded if mirrored else UsdGeom.Tokens.rightHanded)
+    author_attribute(prim, "Soft", "tets", tets)
+    author_attribute(prim, "Soft", "surface", tet_surface_triangles(tets))
 
 
-def _simulated(prim: Usd.Prim) -> Usd.Prim:
+def _apply_soft_schemas(prim: Usd.Prim) -> Usd.Prim:
     for schema in (names.VOLUME_SIM, names.COLLISION, names.WSIM_SOFT):
         prim.AddAppliedSchema(schema)
     return prim

@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from wsim.scene import Box, Plane, Problem, Scene, Sphere
 from wsim.scene.curve import Motion
 from wsim.usd.load import read_stage
-from wsim.usd.stage import quiet
+from wsim.usd.stage import collect_warnings
 from wsim.usd.write import save
 
 BRICK = np.array([0.1, 0.05, 0.05])                    # half edges [m]
@@ -29,7 +29,7 @@ def author_starter(kind: str, out, frames: int | None = None) -> list[Problem]:
     scene, colours = STARTERS[kind]()
     if frames is not None:
         scene.frames = frames
-    with quiet([]):
+    with collect_warnings([]):
         save(scene, out)
         stage = Usd.Stage.Open(str(out))
         for path, colour in colours.items():

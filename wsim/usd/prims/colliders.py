@@ -11,13 +11,12 @@ from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Collider, Shape, Surface
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.solids import APPROXIMATIONS, SAME, Solid, claimed, row
-from wsim.usd import names
-from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times, size
-from wsim.usd.load_varying import attributes_of, steady, vary
-from wsim.usd.prims.fabric import author_friction, bind, bound, load_contact
-from wsim.usd.stage import Reading, Units, applied
-from wsim.usd.transforms import Placement, author_motion, placement, split
+from wsim.scene.solids import APPROXIMATIONS, SAME, ShapeRow, claiming_shape_row, shape_row
+from wsim.usd import attributes, names
+from wsim.usd.load_varying import check_topology, note_varying_values, value_attributes_of_prim
+from wsim.usd.prims.fabric import author_friction, bind_physics_material, bound_physics_material, load_contact
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
+from wsim.usd.transforms import Placement, author_motion, read_placement, split_rotation_scale
 
 TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
 APPROXIMATION = "physics:approximation"                        # of meshes, for rigid bodies
@@ -25,10 +24,10 @@ AROUND = 32                                                    # points on a cir
 
 
 @dataclass
-class Authored:
+class AuthoredShape:
     """A primitive as its prim says it: its row, the parameters of that [m]."""
 
-    solid: Solid
+    solid: ShapeRow
     parameters: tuple[float, ...]
 
     @property
@@ -36,7 +35,7 @@ class Authored:
         return not self.parameters                              # a plane, which any scale leaves as it is
 
 
-def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
+def load_collider(reading: StageReading, prim: Usd.Prim) -> Collider | None:
     """The collider of a prim; None if its kind cannot collide yet or it is broken (both are reported)."""
     path, kind = str(prim.GetPath()), prim.GetTypeName()
     if not has_shape(prim):
@@ -46,35 +45,37 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
     found = load_shape(reading, prim)
     if found is None:
         return None
-    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
-                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
-    return Collider(path, *found, approximation=_approximation(reading, prim, found[0]), **load_contact(reading, prim))
+    watched = [prim.GetAttribute(names.attribute_entry("Collider", "thickness").attribute),
+               *value_attributes_of_prim(bound_physics_material(reading, prim))]
+    note_varying_values(reading, path, Collider, watched, lambda at: load_contact(at, prim))
+    return Collider(path, *found, approximation=_read_approximation(reading, prim, found[0]), **load_contact(reading, prim))
 
 
 def has_shape(prim: Usd.Prim) -> bool:
-    return prim.GetTypeName() in ("Mesh", "TetMesh") or claimed((*applied(prim), str(prim.GetTypeName()))) is not None
+    kind = str(prim.GetTypeName())
+    return kind in ("Mesh", "TetMesh") or claiming_shape_row((*applied_schemas(prim), kind)) is not None
 
 
-def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
+def load_shape(reading: StageReading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
     """Shape and motion of a prim that has one; None if it is broken (reported)."""
-    path, sizes = str(prim.GetPath()), _sizes(reading, prim)
-    if _axis(prim) not in TURN:
-        reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
-    if _axis(prim) not in TURN or sizes and not np.isfinite(sizes.parameters).all():
+    path, sizes = str(prim.GetPath()), _read_primitive(reading, prim)
+    if _shape_axis(prim) not in TURN:
+        reading.fail(path, f"axis is {_shape_axis(prim)!r}; allowed is X, Y or Z")
+    if _shape_axis(prim) not in TURN or sizes and not np.isfinite(sizes.parameters).all():
         return None
-    authored = placement(reading, prim)
+    authored = read_placement(reading, prim)
     try:
-        place, S = _rigid(authored, TURN[_axis(prim)] if sizes else TURN["Z"], sizes)
+        place, S = _split_rigid_placement(authored, TURN[_shape_axis(prim)] if sizes else TURN["Z"], sizes)
     except ValueError as error:
         reading.fail(path, str(error))
         return None
-    shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
+    shape = _read_mesh_collider(reading, prim, place, S) if sizes is None else _scaled_primitive(reading, path, sizes, place, S)
     if isinstance(shape, Surface) and hasattr(shape.poses, "skeleton"):
         return shape, shape.poses.skeleton.motion
     return None if shape is None else (shape, authored.follow(place.frame))
 
 
-def _approximation(reading: Reading, prim: Usd.Prim, shape: Shape) -> str:
+def _read_approximation(reading: StageReading, prim: Usd.Prim, shape: Shape) -> str:
     attribute = prim.GetAttribute(APPROXIMATION)
     said = str(attribute.Get() or "none") if attribute and isinstance(shape, Surface) else "none"
     if said not in APPROXIMATIONS:
@@ -85,37 +86,37 @@ def _approximation(reading: Reading, prim: Usd.Prim, shape: Shape) -> str:
     return said
 
 
-def _axis(prim: Usd.Prim) -> str:
+def _shape_axis(prim: Usd.Prim) -> str:
     attribute = prim.GetAttribute("axis")
     return str(attribute.Get()) if attribute else "Z"
 
 
-def _sizes(reading: Reading, prim: Usd.Prim) -> Authored | None:
+def _read_primitive(reading: StageReading, prim: Usd.Prim) -> AuthoredShape | None:
     """What the prim's own attributes say at the start; None if it is no primitive."""
-    def value(name: str) -> float:
+    def read_primitive_size(name: str) -> float:
         attribute = prim.GetAttribute(name)
         if attribute.ValueMightBeTimeVarying():
             reading.warn(attribute.GetPath(), "is animated; its value at startTimeCode is held")
-        if not np.isfinite(found := size(attribute, reading.start)):
+        if not np.isfinite(found := attributes.read_unlisted_number(attribute, reading.start)):
             reading.fail(prim.GetPath(), f"{name} is {found:g}; allowed: a finite number > 0; mend: author another {name}")
         return found * reading.units.metres
 
-    found = claimed((*applied(prim), str(prim.GetTypeName())))
-    return found and Authored(found[0], found[0].read(*map(value, found[0].usd[found[1]])))
+    found = claiming_shape_row((*applied_schemas(prim), str(prim.GetTypeName())))
+    return found and AuthoredShape(found[0], found[0].read(*map(read_primitive_size, found[0].usd[found[1]])))
 
 
-def _rigid(place: Placement, turned: list[int], sizes: Authored | None) -> tuple[Placement, np.ndarray]:
+def _split_rigid_placement(place: Placement, turned: list[int], sizes: AuthoredShape | None) -> tuple[Placement, np.ndarray]:
     """The rigid part, (k, 4, 4) with scale 1, and S of each key, (k, 3, 3), in the shape's own frame."""
     if sizes is not None and sizes.endless:
         return _plane_frames(place, turned), np.eye(3)[None]
     frames, stretches = place.frame.copy(), []
     for k in range(len(frames)):
         base = frames[k][:3, :3]
-        R, S = split(base)
+        R, S = split_rotation_scale(base)
         if np.array_equal(S, np.eye(3)) and np.all(place.scale[k] > 0.0):
             S = np.diag(place.scale[k])                        # a rigid frame and a scale op: both to the bit
         else:
-            R, S = split(place.linear[k], mirror=turned[0])
+            R, S = split_rotation_scale(place.linear[k], mirror=turned[0])
         frames[k][:3, :3] = R[:, turned]
         stretches.append(S[np.ix_(turned, turned)])
     return Placement(place.times, frames, np.ones((len(frames), 3))), np.array(stretches)
@@ -137,7 +138,7 @@ def _plane_frames(place: Placement, turned: list[int]) -> Placement:
     return Placement(place.times, frames, np.ones((len(frames), 3)))
 
 
-def _shape(reading: Reading, path: str, sizes: Authored, place: Placement, S: np.ndarray) -> Shape:
+def _scaled_primitive(reading: StageReading, path: str, sizes: AuthoredShape, place: Placement, S: np.ndarray) -> Shape:
     """The primitive with S in its sizes, or a mesh of it with a note."""
     constant = np.abs(S - S[0]).max() <= SAME * np.abs(S[0]).max()
     if sizes.endless or constant and np.array_equal(S[0], np.diag(np.diag(S[0]))):
@@ -147,29 +148,29 @@ def _shape(reading: Reading, path: str, sizes: Authored, place: Placement, S: np
     why = "its scale is animated" if not constant else "its scale differs by axis, or it is sheared"
     reading.warn(path, f"this {sizes.solid.kind} collides as a mesh ({why})")
     points, triangles = sizes.solid.outline(sizes.parameters, AROUND)
-    return _stretched((points, np.full(len(triangles), 3), triangles.ravel()), place, S, None)
+    return _stretch_mesh((points, np.full(len(triangles), 3), triangles.ravel()), place, S, None)
 
 
-def _stretched(mesh, place: Placement, S: np.ndarray, poses: Curve | None) -> Surface:
+def _stretch_mesh(mesh, place: Placement, S: np.ndarray, poses: Curve | None) -> Surface:
     """The mesh (points, counts, indices) and its poses with S applied; mirrored faces turn over."""
     points, counts, indices = mesh
     if np.linalg.det(S[0]) < 0:
-        indices = turned_over(counts, indices)
+        indices = reverse_polygons(counts, indices)
     untouched = all(np.array_equal(s, np.eye(3)) for s in S)
     if poses is None and np.abs(S - S[0]).max() > SAME * np.abs(S[0]).max():
         poses = Curve(place.times, np.array([(points @ s).astype(np.float32) for s in S]))
     elif poses is not None and not untouched:
-        at = [_between(place.times, S, t) for t in poses.times]
+        at = [_stretch_at_time(place.times, S, t) for t in poses.times]
         values = [(v @ s).astype(np.float32) for v, s in zip(poses.values, at, strict=True)]
         poses = Curve(poses.times, np.array(values))
     return Surface(points if untouched else points @ S[0], counts, indices, poses)
 
 
-def _between(times: np.ndarray, S: np.ndarray, t: float) -> np.ndarray:
+def _stretch_at_time(times: np.ndarray, S: np.ndarray, t: float) -> np.ndarray:
     return Curve(times, S).at(t) if len(S) == len(times) else S[0]
 
 
-def turned_over(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+def reverse_polygons(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Corners of each polygon in the opposite order."""
     if counts.min(initial=0) < 0 or counts.sum() != len(indices):
         return indices                                         # reported by wsim.scene.check.scene
@@ -177,59 +178,58 @@ def turned_over(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
     return indices[np.repeat(2 * ends - counts - 1, counts) - np.arange(len(indices))]
 
 
-def _faces(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _read_collider_faces(reading: StageReading, prim: Usd.Prim) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Counts and indices at the start; of a TetMesh those of its surface."""
     if not prim.IsA(UsdGeom.TetMesh):
-        counts, indices = (read(prim, "Cloth", field, reading.units, reading.start) for field in ("counts", "indices"))
-        return counts, indices
-    tets = read(prim, "Soft", "tets", reading.units, reading.start)
+        return tuple(attributes.read_attribute(prim, "Cloth", field, reading.units, reading.start)  # type: ignore[return-value]
+                     for field in ("counts", "indices"))
+    tets = attributes.read_attribute(prim, "Soft", "tets", reading.units, reading.start)
     if tets is None:
         return None, None
-    from wsim.geometry.tetra.tets import surface
-    faces = surface(tets)
+    from wsim.geometry.tetra.tets import tet_surface_triangles
+    faces = tet_surface_triangles(tets)
     return np.full(len(faces), 3, np.int32), faces.ravel()
 
 
-def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> Surface | None:
+def _read_mesh_collider(reading: StageReading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> Surface | None:
     """A mesh collider; animated points become poses at the authored samples."""
     units, path = reading.units, prim.GetPath()
-    if not steady(reading, prim, "faceVertexCounts", "faceVertexIndices", "tetVertexIndices"):
+    if not check_topology(reading, prim, "faceVertexCounts", "faceVertexIndices", "tetVertexIndices"):
         return None
-    counts, indices = _faces(reading, prim)
+    counts, indices = _read_collider_faces(reading, prim)
     attribute = prim.GetAttribute("points")
-    default = read(prim, "Cloth", "points", units, DEFAULT)
-    points = default if default is not None else read(prim, "Cloth", "points", units, reading.start)
+    default = attributes.read_attribute(prim, "Cloth", "points", units, attributes.DEFAULT)
+    points = default if default is not None else attributes.read_attribute(prim, "Cloth", "points", units, reading.start)
     if points is None or counts is None or indices is None:
         reading.fail(path, "is a mesh collider without points or faces (is a payload or reference missing?)")
         return None
     if prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded:
-        indices = turned_over(counts, indices)
-    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    poses = _follows(reading, prim)
+        indices = reverse_polygons(counts, indices)
+    codes, noted = attribute.GetTimeSamples(), attributes.read_times(attribute, units)
+    poses = _skeleton_driven_points(reading, prim)
     if hasattr(poses, "skeleton"):                             # in the space of its skeleton
         return Surface(poses.at(0.0), counts, indices, poses)
     if poses is not None:
         points = poses.at(0.0)
     elif len(codes) > 1 or (len(codes) == 1 and noted is not None):
-        values = [read(prim, "Cloth", "points", units, code) for code in codes]
+        values = [attributes.read_attribute(prim, "Cloth", "points", units, code) for code in codes]
         if any(v is None or v.shape != points.shape for v in values):
-            reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its "
-                               "points")
+            reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its " "points")
             return None
         times = units.time(np.array(codes)) if noted is None or len(noted) != len(codes) else noted
         poses = Curve(times, np.array(values))
-    return _stretched((points, counts, indices), place, S, poses)
+    return _stretch_mesh((points, counts, indices), place, S, poses)
 
 
-def _follows(reading: Reading, prim: Usd.Prim):
+def _skeleton_driven_points(reading: StageReading, prim: Usd.Prim):
     """Points of a mesh that a skeleton moves."""
     if prim.GetPath() not in reading.skinned and not prim.HasAttribute("primvars:skel:jointIndices"):
         return None
-    from wsim.usd.prims.skeletons import poses
-    return poses(reading, prim)
+    from wsim.usd.prims.skeletons import read_skinned_poses
+    return read_skinned_poses(reading, prim)
 
 
-def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
+def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: StageUnits, frames: int) -> None:
     """Defines the prim of a collider, its motion, friction and restitution."""
     prim = author_shape(stage, collider, units, frames)
     prim.AddAppliedSchema(names.COLLISION)
@@ -240,31 +240,31 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
             attribute.Set(collider.approximation)
     if collider.thickness is not None:
         prim.AddAppliedSchema(names.WSIM_COLLIDER)
-        author(prim, "Collider", "thickness", collider.thickness, units)
+        attributes.author_attribute(prim, "Collider", "thickness", collider.thickness, units)
     existing = stage.GetPrimAtPath(material)
-    bind(prim, existing if existing else author_friction(stage, material, surface(collider), units))
+    bind_physics_material(prim, existing if existing else author_friction(stage, material, surface_values(collider), units))
 
 
-def surface(collider: Collider) -> tuple[float, ...]:
+def surface_values(collider: Collider) -> tuple[float, ...]:
     """Values of a collider's material: friction (static, dynamic) and, where it throws back, restitution."""
     return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
 
 
-def author_shape(stage: Usd.Stage, thing, units: Units, frames: int) -> Usd.Prim:
+def author_shape(stage: Usd.Stage, thing, units: StageUnits, frames: int) -> Usd.Prim:
     """Defines the prim of something with a path, a shape and a motion, as `load_shape` reads them."""
     prim = _author_shape(stage, thing.path, thing.shape, units).GetPrim()
     author_motion(prim, thing.motion, units, frames)
-    solid = None if isinstance(thing.shape, Surface) else row(thing.shape)
+    solid = None if isinstance(thing.shape, Surface) else shape_row(thing.shape)
     if solid and solid.stretch:
         UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
             tuple(v / units.metres for v in solid.stretch(thing.shape)))
     return prim
 
 
-def _author_shape(stage: Usd.Stage, path: str, shape: Shape, units: Units) -> UsdGeom.Gprim:
+def _author_shape(stage: Usd.Stage, path: str, shape: Shape, units: StageUnits) -> UsdGeom.Gprim:
     if isinstance(shape, Surface):
         return _author_surface(stage, path, shape, units)
-    solid = row(shape)
+    solid = shape_row(shape)
     name, *apis = solid.written
     prim = stage.DefinePrim(path, name)
     for api in apis:
@@ -280,21 +280,21 @@ def _author_shape(stage: Usd.Stage, path: str, shape: Shape, units: Units) -> Us
     return geometry
 
 
-def _author_surface(stage: Usd.Stage, path: str, shape: Surface, units: Units) -> UsdGeom.Mesh:
+def _author_surface(stage: Usd.Stage, path: str, shape: Surface, units: StageUnits) -> UsdGeom.Mesh:
     mesh = UsdGeom.Mesh.Define(stage, path)
     prim = mesh.GetPrim()
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     for field in ("points", "counts", "indices"):
-        author(prim, "Cloth", field, getattr(shape, field), units)
+        attributes.author_attribute(prim, "Cloth", field, getattr(shape, field), units)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     if hasattr(shape.poses, "skeleton"):
-        from wsim.scene.methods import role
-        role("Skeleton", "write").bind(stage, path, shape.poses, units)
+        from wsim.scene.methods import method_file
+        method_file("Skeleton", "write").bind(stage, path, shape.poses, units)
     elif shape.poses is not None:
         for time, value in zip(shape.poses.times.tolist(), shape.poses.values, strict=True):
             code = Usd.TimeCode(units.code(time))
-            points = array(value, "point3f[]", units.metres)
+            points = attributes.to_usd_array(value, "point3f[]", units.metres)
             mesh.GetPointsAttr().Set(points, code)
             mesh.GetExtentAttr().Set(UsdGeom.PointBased.ComputeExtent(points), code)
-        author_times(mesh.GetPointsAttr(), shape.poses.times)
+        attributes.author_times(mesh.GetPointsAttr(), shape.poses.times)
     return mesh

@@ -6,11 +6,11 @@ or to points.
 import numpy as np
 from pxr import Usd
 
-from wsim.usd.attributes import read
-from wsim.usd.stage import Reading
+from wsim.usd.attributes import read_attribute
+from wsim.usd.stage import StageReading
 
 
-def element_type(reading: Reading, mesh: Usd.Prim, name: str, kind: str | None, values: np.ndarray,
+def element_type(reading: StageReading, mesh: Usd.Prim, name: str, kind: str | None, values: np.ndarray,
                  sizes: dict[str, int]) -> str:
     """Kind of elements that the values of attribute `name` are given to: `kind`, as authored, else by their number. "" if they
     do not fit, or are not all finite and > 0 (reported). sizes: {elementType: how many}."""
@@ -26,30 +26,30 @@ def element_type(reading: Reading, mesh: Usd.Prim, name: str, kind: str | None, 
     return kind
 
 
-def shared(corners: np.ndarray, of_corners: np.ndarray, n: int) -> np.ndarray:
+def sum_shares_at_points(corners: np.ndarray, of_corners: np.ndarray, n: int) -> np.ndarray:
     """Sum at each of n points, (n,), over corners that name it. Corners out of range are left out: reported elsewhere."""
     inside = (corners >= 0) & (corners < n)
     return np.bincount(corners[inside], of_corners[inside], n)
 
 
-def at_least_the_lightest(masses: np.ndarray) -> np.ndarray:
+def fill_massless_points(masses: np.ndarray) -> np.ndarray:
     """Masses [kg] in which points of no element have that of the lightest other, (n,)."""
     lightest = masses[masses > 0].min(initial=np.inf)
     return np.where(masses > 0, masses, lightest)
 
 
-def body_mass(reading: Reading, body: Usd.Prim) -> float | None:
+def body_mass(reading: StageReading, body: Usd.Prim) -> float | None:
     """Mass of the whole [kg]; None where it is not authored, or 0."""
-    return _positive(reading, body, "mass")
+    return _read_body_quantity(reading, body, "mass")
 
 
-def body_density(reading: Reading, body: Usd.Prim) -> float | None:
+def body_density(reading: StageReading, body: Usd.Prim) -> float | None:
     """Density [kg/m^3] that overrules the material's; None where it is not authored, or 0."""
-    return _positive(reading, body, "density")
+    return _read_body_quantity(reading, body, "density")
 
 
-def _positive(reading: Reading, body: Usd.Prim, field: str) -> float | None:
-    value = read(body, "Body", field, reading.units)
+def _read_body_quantity(reading: StageReading, body: Usd.Prim, field: str) -> float | None:
+    value = read_attribute(body, "Body", field, reading.units)
     if value is not None and not (np.isfinite(value) and value >= 0):
         reading.fail(body.GetPath(), f"physics:{field} is {value:g}; allowed is a finite number > 0, or 0 for none")
         return None

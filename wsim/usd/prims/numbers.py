@@ -13,7 +13,7 @@ import numpy as np
 from pxr import Sdf, Usd
 
 from wsim.scene import Problem, SceneError
-from wsim.usd.stage import Reading, applied
+from wsim.usd.stage import StageReading, applied_schemas
 
 PREFIXES = ("physics:", "drive:", "limit:", "wsim:", "primvars:wsim:")
 WIDTHS, WEIGHTS = "widths", "primvars:skel:jointWeights"
@@ -23,7 +23,7 @@ SCALARS = ("half", "float", "double", "int", "uint", "int64", "uint64", "uchar")
 NUMBERS = ("half", "float", "double", "quat", "point3", "vector3", "normal3", "color3", "matrix")
 
 
-def refuse_types(reading: Reading) -> None:
+def refuse_types(reading: StageReading) -> None:
     """Raises SceneError with every authored attribute whose type is of another kind than its schema says: numbers of any width
     are one kind, and so are points, vectors and normals, tokens and strings."""
     found = []
@@ -35,15 +35,15 @@ def refuse_types(reading: Reading) -> None:
             known = definition.GetAttributeDefinition(name)
             if known and (attribute := prim.GetAttribute(name)):         # whose own type name is that of the schema
                 wanted, given = known.GetTypeName(), {spec.typeName for spec in attribute.GetPropertyStack(reading.start)}
-                allowed = (_kind(wanted), *(("number",) if wanted == Sdf.ValueTypeNames.Bool else ()))
+                allowed = (_value_kind(wanted), *(("number",) if wanted == Sdf.ValueTypeNames.Bool else ()))
                 found += [Problem(str(attribute.GetPath()), f"is of type {each}; allowed is {wanted}: author it again with "
-                                  "that type") for each in given if _kind(each) not in allowed][:1]
+                                  "that type") for each in given if _value_kind(each) not in allowed][:1]
     if found:
         raise SceneError(found)
 
 
 @cache
-def _kind(name: Sdf.ValueTypeName) -> str:
+def _value_kind(name: Sdf.ValueTypeName) -> str:
     """What values of a type are made of."""
     scalar = str(name.scalarType)
     plain = re.sub("[hfdi]$", "", re.sub("^(point|vector|normal|color|texCoord|half|float|double|int)(?=[234])", "vec", scalar))
@@ -51,35 +51,35 @@ def _kind(name: Sdf.ValueTypeName) -> str:
     return kind + "[]" * name.isArray
 
 
-def refuse_numbers(reading: Reading, said: set[str]) -> list[Problem]:
+def refuse_numbers(reading: StageReading, said: set[str]) -> list[Problem]:
     """Errors of what is no number, on prims but those of which something else is `said` already."""
     found = []
     for prim in Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         if prim.IsPseudoRoot() or str(prim.GetPath()) in said:
             continue
         for name in map(str, prim.GetAuthoredPropertyNames()):
-            counts = name.startswith(PREFIXES) and not name.startswith(RESTART) or _shapes(reading, prim, name)
-            if counts and (text := _wrong(prim.GetAttribute(name), reading)):
+            counts = name.startswith(PREFIXES) and not name.startswith(RESTART) or _allows_any_sign(reading, prim, name)
+            if counts and (text := _describe_bad_value(prim.GetAttribute(name), reading)):
                 found.append(Problem(str(prim.GetPath()), f"{name}{text}"))
     return found
 
 
-def _shapes(reading: Reading, prim: Usd.Prim, name: str) -> bool:
+def _allows_any_sign(reading: StageReading, prim: Usd.Prim, name: str) -> bool:
     """True for widths of what is simulated, and for weights of a mesh that follows a skeleton."""
     if name == WEIGHTS:
         bound = reading.skinned.get(prim.GetPath())
         return bool(bound and bound.followed)
-    return name == WIDTHS and any(api.startswith(("Physics", "Wsim")) for api in applied(prim))
+    return name == WIDTHS and any(api.startswith(("Physics", "Wsim")) for api in applied_schemas(prim))
 
 
-def _wrong(attribute: Usd.Attribute, reading: Reading) -> str:
+def _describe_bad_value(attribute: Usd.Attribute, reading: StageReading) -> str:
     """What is wrong with a value at the start, what is allowed and the fix; "" if nothing."""
     if not attribute or not str(attribute.GetTypeName()).startswith(NUMBERS):
         return ""
     value = attribute.Get(reading.start)
     if value is None:
         return ""
-    found = np.asarray(_plain(value), np.float64)
+    found = np.asarray(_plain_numbers(value), np.float64)
     bad = np.isnan(found)
     low = attribute.GetName() in POSITIVE and found < 0.0
     if not bad.any() and not np.any(low):
@@ -91,10 +91,10 @@ def _wrong(attribute: Usd.Attribute, reading: Reading) -> str:
     return f"{at} is {shown}; allowed are {allowed}: author it again, or take it away"
 
 
-def _plain(value):
+def _plain_numbers(value):
     """Numbers of a value of USD."""
     if hasattr(value, "GetImaginary"):
         return [value.GetReal(), *value.GetImaginary()]
     if isinstance(value, (list, tuple)) or type(value).__name__.startswith("Quat") and hasattr(value, "__len__"):
-        return [_plain(each) for each in value]
+        return [_plain_numbers(each) for each in value]
     return value

@@ -19,8 +19,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth
-from wsim.usd.prims.masses import shared
-from wsim.usd.stage import Reading, Units
+from wsim.usd.prims.masses import sum_shares_at_points
+from wsim.usd.stage import StageReading, StageUnits
 
 MAPS = {"stretch": "N/m", "bend": "N m", "thickness": "m"}       # of a cloth, with their units
 PLACED = {"vertex": "point", "varying": "point", "uniform": "face", "constant": "whole"}
@@ -28,8 +28,8 @@ ELEMENTS = "wsim:elements"     # custom data of a field that a fit has written, 
 LEVELS = 32                    # of weights of soft pins: `wsim.usd.prims.pins`
 
 
-def read_map(reading: Reading, mesh: Usd.Prim, name: str, unit: str, sizes: dict[str, int],
-             low: float = 0.0) -> tuple[str, np.ndarray] | None:
+def read_vertex_map(reading: StageReading, mesh: Usd.Prim, name: str, unit: str, sizes: dict[str, int],
+                    low: float = 0.0) -> tuple[str, np.ndarray] | None:
     """("point", "face" or "whole", values [SI]) of primvars:wsim:`name`; None where there is none, or a wrong one (reported).
 
     sizes    how many values it has of each kind that is allowed      low    the least value; what is lower is reported
@@ -56,13 +56,13 @@ def read_map(reading: Reading, mesh: Usd.Prim, name: str, unit: str, sizes: dict
     return kind, values
 
 
-def _sizes(cloth: Cloth) -> dict[str, int]:
+def _primvar_sizes(cloth: Cloth) -> dict[str, int]:
     return {"point": len(cloth.points), "face": len(cloth.counts), "whole": 1}
 
 
-def load_thickness(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None] | None:
+def load_thickness(reading: StageReading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None] | None:
     """(thickness of each point [m] or None, one for the whole [m]) as painted; None where it is not painted."""
-    found = read_map(reading, mesh, "thickness", MAPS["thickness"], _sizes(cloth), 1e-9)
+    found = read_vertex_map(reading, mesh, "thickness", MAPS["thickness"], _primvar_sizes(cloth), 1e-9)
     if found is None:
         return None
     kind, values = found
@@ -71,18 +71,19 @@ def load_thickness(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.n
         corners = np.repeat(np.arange(len(cloth.counts)), np.maximum(cloth.counts, 0))
         if len(corners) != len(cloth.indices):                       # reported by wsim.scene.check.mesh
             return None
-        total, faces = (shared(cloth.indices, v[corners], len(cloth.points)) for v in (values, np.ones(len(values))))
+        total, faces = (sum_shares_at_points(cloth.indices, v[corners], len(cloth.points))
+                        for v in (values, np.ones(len(values))))
         values = np.where(faces > 0, total / np.maximum(faces, 1), mean)
     return (None, mean) if kind == "whole" else (values, mean)
 
 
-def load_stiffness(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> None:
+def load_stiffness(reading: StageReading, mesh: Usd.Prim, cloth: Cloth) -> None:
     """Gives a cloth, which has its material, the stretch and bend that are painted. Its material then has their means."""
     for name, field, low in (("stretch", "stretches", 1e-12), ("bend", "bends", 0.0)):
-        found = read_map(reading, mesh, name, MAPS[name], _sizes(cloth), low)
+        found = read_vertex_map(reading, mesh, name, MAPS[name], _primvar_sizes(cloth), low)
         if found is None:
             continue
-        values = _of_faces(cloth, *found)
+        values = _map_to_faces(cloth, *found)
         if values is None:                                           # reported by wsim.scene.check.mesh
             continue
         material, mean = cloth.material, float(values.mean())
@@ -95,7 +96,7 @@ def load_stiffness(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> None:
             setattr(cloth, field, values)
 
 
-def _of_faces(cloth: Cloth, kind: str, values: np.ndarray) -> np.ndarray | None:
+def _map_to_faces(cloth: Cloth, kind: str, values: np.ndarray) -> np.ndarray | None:
     """Values of points, faces or the whole as those of each face, (faces,); None for faces of no points or of points out of
     range."""
     counts = cloth.counts
@@ -110,7 +111,7 @@ def _of_faces(cloth: Cloth, kind: str, values: np.ndarray) -> np.ndarray | None:
     return np.add.reduceat(values[cloth.indices], np.cumsum(counts) - counts) / counts
 
 
-def author_maps(mesh: Usd.Prim, cloth: Cloth, units: Units) -> None:
+def author_maps(mesh: Usd.Prim, cloth: Cloth, units: StageUnits) -> None:
     """Writes the stiffnesses that faces of a cloth have, where they differ."""
     for name, values in (("stretch", cloth.stretches), ("bend", cloth.bends)):
         if values is not None:

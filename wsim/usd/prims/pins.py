@@ -13,29 +13,29 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Cloth, Pin, Soft, Springs, Tie
-from wsim.scene.methods import role
+from wsim.scene.methods import method_file
 from wsim.usd import names
-from wsim.usd.attributes import author, read
-from wsim.usd.prims.painted import LEVELS, read_map
+from wsim.usd.attributes import author_attribute, read_attribute
+from wsim.usd.prims.painted import LEVELS, read_vertex_map
 from wsim.usd.prims.springs import curve_vertices
-from wsim.usd.stage import Reading, Units, applied
-from wsim.usd.transforms import author_motion, placement, split
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
+from wsim.usd.transforms import author_motion, read_placement, split_rotation_scale
 
 Body = Cloth | Springs | Soft | Any        # or `Rods`, which no module of USD imports
 FRAME = "frame"                    # child of a pin that it hangs on where it names no target
 DERIVED = "wsim:derived"           # custom data of coords1 that follow from the points
 
 
-def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin | None:
+def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin | None:
     """The pin of an attachment; None if it is switched off, or of another kind (noted), or broken (reported).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
     """
     path, units = prim.GetPath(), reading.units
-    if read(prim, "Pin", "enabled") is False:
+    if read_attribute(prim, "Pin", "enabled") is False:
         return None
-    kinds = read(prim, "Pin", "type0") or "point", read(prim, "Pin", "type1") or "xform"
-    source, target = _target(prim, names.SRC0), _target(prim, names.SRC1)
+    kinds = read_attribute(prim, "Pin", "type0") or "point", read_attribute(prim, "Pin", "type1") or "xform"
+    source, target = _forwarded_target(prim, names.SRC0), _forwarded_target(prim, names.SRC1)
     follows = is_followed(reading, prim)
     if kinds != ("point", "xform") and not follows:
         reading.warn(path, f"attaches {kinds[0]} to {kinds[1]} and is left out: only points are, to an xform or a mesh that a "
@@ -45,10 +45,10 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
     if body is None:
         reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth, spring net or soft "
                      f"body ({', '.join(dict.fromkeys(b.path for b in bodies.values())) or 'there is none'}); it is left out"
-                     ) if not _unknown(reading, source) else reading.fail(
+                     ) if not _is_missing_prim(reading, source) else reading.fail(
                      path, f"{names.SRC0} names {source or 'nothing'}, which does not exist; name a simulation mesh")
         return None
-    points = read(prim, "Pin", "points")
+    points = read_attribute(prim, "Pin", "points")
     if points is None or len(points) == 0:
         reading.warn(path, "has no physics:indices0: it holds no point and is left out")
         return None
@@ -56,54 +56,54 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
         reading.fail(path, f"{names.SRC1} names {target}, the body that it holds; name an Xform, or leave it empty (world)")
         return None
     pin = Pin(str(path), body.path, points)
-    if not follows and not _hang(reading, prim, pin, target):
+    if not follows and not _set_pin_target(reading, prim, pin, target):
         return None
-    points = particles(reading, prim, body, points, "physics:indices0")
+    points = particles_of_vertices(reading, prim, body, points, "physics:indices0")
     if points is None:
         return None
     pin.points = points
     if follows and not _follow_mesh(reading, prim, pin, body, kinds[1]):
         return None
     for field in ("stiffness", "damping"):
-        value = read(prim, "Pin", field, units)
+        value = read_attribute(prim, "Pin", field, units)
         if value is not None:
             setattr(pin, field, value)
-    if not follows and _follow(prim, pin, body, units):
+    if not follows and _coords_are_derived(prim, pin, body, units):
         pin.places = None
     return pin
 
 
-def is_followed(reading: Reading, prim: Usd.Prim) -> bool:
+def is_followed(reading: StageReading, prim: Usd.Prim) -> bool:
     """True if an attachment holds points to points or faces of a mesh that a skeleton moves."""
-    kind = read(prim, "Pin", "type1"), read(prim, "Pin", "type0") or "point"
-    return kind in (("point", "point"), ("face", "point")) and Sdf.Path(_target(prim, names.SRC1)) in reading.skinned
+    kind = read_attribute(prim, "Pin", "type1"), read_attribute(prim, "Pin", "type0") or "point"
+    return kind in (("point", "point"), ("face", "point")) and Sdf.Path(_forwarded_target(prim, names.SRC1)) in reading.skinned
 
 
-def _follow_mesh(reading: Reading, prim: Usd.Prim, pin: Pin, body: Body, kind: str) -> bool:
+def _follow_mesh(reading: StageReading, prim: Usd.Prim, pin: Pin, body: Body, kind: str) -> bool:
     """Sets the places on a skinned mesh that the pin holds points at; False if they are broken (reported)."""
     if ((pin.points < 0) | (pin.points >= len(body.points))).any():
         reading.fail(prim.GetPath(), f"physics:indices0 holds numbers outside of 0 to {len(body.points) - 1}; name points of "
                      f"{body.path}")
         return False
-    pin.target = _target(prim, names.SRC1)
+    pin.target = _forwarded_target(prim, names.SRC1)
     x = body.motion.points(body.points[pin.points])
-    pin.follows = role("Skeleton", "usd").hang(reading, prim, reading.stage.GetPrimAtPath(pin.target), kind, x)
+    pin.follows = method_file("Skeleton", "usd").hang(reading, prim, reading.stage.GetPrimAtPath(pin.target), kind, x)
     return pin.follows is not None
 
 
-def _target(prim: Usd.Prim, name: str) -> str:
+def _forwarded_target(prim: Usd.Prim, name: str) -> str:
     relationship = prim.GetRelationship(name)
     targets = relationship.GetForwardedTargets() if relationship else []
     return str(targets[0]) if targets else ""
 
 
-def _unknown(reading: Reading, path: str) -> bool:
+def _is_missing_prim(reading: StageReading, path: str) -> bool:
     return not path or not reading.stage.GetPrimAtPath(path)
 
 
-def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
+def _set_pin_target(reading: StageReading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
     """Sets the pin's target, motion and places; False if the target is broken (reported)."""
-    pin.places = read(prim, "Pin", "places", reading.units)
+    pin.places = read_attribute(prim, "Pin", "places", reading.units)
     if not target:
         return True
     xform = reading.stage.GetPrimAtPath(target)
@@ -111,17 +111,17 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
         reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which does not exist; name an Xform or nothing "
                                      "(world)")
         return False
-    if body := _carrier(reading, xform):
+    if body := _carrying_rigid_body(reading, xform):
         reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which moves with the rigid body {body}; allowed is what is "
                      "still, animated or kinematic: points cannot be joined to a body that forces move, and would hang where "
                      f"it starts; mend: set physics:kinematicEnabled on {body}, or name an Xform outside of it")
         return False
     pin.target = "" if target == f"{pin.path}/{FRAME}" else target
-    place = placement(reading, xform)
+    place = read_placement(reading, xform)
     frames, stretches = place.frame.copy(), []
     try:
         for k in range(len(frames)):
-            R, S = split(place.linear[k])
+            R, S = split_rotation_scale(place.linear[k])
             frames[k][:3, :3] = R
             stretches.append(S)
     except ValueError as error:
@@ -136,22 +136,23 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
     return True
 
 
-def _carrier(reading: Reading, xform: Usd.Prim) -> str:
+def _carrying_rigid_body(reading: StageReading, xform: Usd.Prim) -> str:
     """Path of the rigid body that moves by forces which an Xform is, or lies in; "" where there is none."""
     each = xform
     while each and not each.IsPseudoRoot():
-        if names.RIGID_BODY in applied(each):
-            body = role("Body", "joints.moving").body_of(reading, xform)
+        if names.RIGID_BODY in applied_schemas(each):
+            body = method_file("Body", "joints.moving").body_of(reading, xform)
             return str(body.GetPath()) if body else ""
         each = each.GetParent()
     return ""
 
 
-def particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray, name: str) -> np.ndarray | None:
+def particles_of_vertices(reading: StageReading, prim: Usd.Prim, body: Body, points: np.ndarray,
+                          name: str) -> np.ndarray | None:
     """Points of the body from vertices of its prim, which the attribute `name` holds: a net's particle has several."""
     if not isinstance(body, Springs):
         return points
-    numbering = read(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
+    numbering = read_attribute(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
     if numbering is None:
         return points
     bad = (points < 0) | (points >= len(numbering))
@@ -162,14 +163,14 @@ def particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray, 
     return numbering[points]
 
 
-def _places(pin: Pin, body: Body) -> np.ndarray:
+def _pin_local_positions(pin: Pin, body: Body) -> np.ndarray:
     """Where the held points are at the start, in the target's frame [m], (k, 3)."""
     world = body.motion.points(body.points[pin.points])
     M = pin.motion.at(0.0)
     return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
 
 
-def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
+def _coords_are_derived(prim: Usd.Prim, pin: Pin, body: Body, units: StageUnits) -> bool:
     """True if coords1 were written only for other readers and still agree with the points."""
     attribute = prim.GetAttribute("physics:coords1")
     inside = np.all((pin.points >= 0) & (pin.points < len(body.points)))
@@ -177,12 +178,12 @@ def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
         return False
     if len(pin.places) != len(pin.points) or not np.isfinite(body.motion.values).all():
         return False                                           # reported by wsim.scene.check.scene
-    return np.allclose(pin.places, _places(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
+    return np.allclose(pin.places, _pin_local_positions(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
 
 
-def load_painted(reading: Reading, mesh: Usd.Prim, body: Cloth | Soft) -> list[Pin]:
+def load_painted(reading: StageReading, mesh: Usd.Prim, body: Cloth | Soft) -> list[Pin]:
     """Pins of the weights that are painted on a mesh: PATH/painted of 1, PATH/painted_K of K / LEVELS."""
-    found = read_map(reading, mesh, "pin", "1", {"point": len(body.points)})
+    found = read_vertex_map(reading, mesh, "pin", "1", {"point": len(body.points)})
     if found is None:
         return []
     weights = found[1]
@@ -197,25 +198,25 @@ def load_painted(reading: Reading, mesh: Usd.Prim, body: Cloth | Soft) -> list[P
     for k in (int(k) for k in np.unique(level) if k):
         pin = Pin(f"{body.path}/painted" + (f"_{k}" if k < LEVELS else ""), body.path, np.flatnonzero(level == k))
         if k < LEVELS:
-            pin.stiffness = k / (LEVELS - k) * _own(body)
-        if _hang(reading, mesh, pin, body.path):
+            pin.stiffness = k / (LEVELS - k) * _body_stiffness(body)
+        if _set_pin_target(reading, mesh, pin, body.path):
             pins.append(pin)
     return pins
 
 
-def _own(body: Cloth | Soft) -> float:
+def _body_stiffness(body: Cloth | Soft) -> float:
     """Stiffness of a body as a point of it feels it [N/m]."""
     if isinstance(body, Cloth):
         return body.material.stretch
     if not len(body.tets) or body.tets.min() < 0 or body.tets.max() >= len(body.points):
         return 1.0                                             # reported by wsim.scene.check.soft
-    from wsim.geometry.tetra.tets import edges
+    from wsim.geometry.tetra.tets import edges_of_tets
     x = body.motion.points(body.points if body.rest_points is None else body.rest_points, 0.0)
-    a, b = edges(body.tets).T
+    a, b = edges_of_tets(body.tets).T
     return body.material.young * float(np.linalg.norm(x[b] - x[a], axis=1).mean())
 
 
-def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int) -> None:
+def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: StageUnits, frames: int) -> None:
     """Defines the attachment of a pin and, where it has no target of its own, the Xform that it hangs on."""
     prim = stage.DefinePrim(pin.path, names.ATTACHMENT)
     target = pin.target or f"{pin.path}/{FRAME}"
@@ -223,21 +224,22 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int
         author_motion(UsdGeom.Xform.Define(stage, target).GetPrim(), pin.motion, units, frames)
     prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(pin.body)])
     prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
-    author(prim, "Pin", "enabled", True)
-    author(prim, "Pin", "type0", "point")
-    author(prim, "Pin", "type1", "xform")
-    author(prim, "Pin", "points", vertices(pin.points, body))
+    author_attribute(prim, "Pin", "enabled", True)
+    author_attribute(prim, "Pin", "type0", "point")
+    author_attribute(prim, "Pin", "type1", "xform")
+    author_attribute(prim, "Pin", "points", vertices_of_particles(pin.points, body))
     if pin.follows is not None:
-        role("Skeleton", "write").attach(prim, target, pin.follows, units)
+        method_file("Skeleton", "write").attach(prim, target, pin.follows, units)
     else:
-        places = author(prim, "Pin", "places", _places(pin, body) if pin.places is None else pin.places, units)
+        places = author_attribute(prim, "Pin", "places", _pin_local_positions(pin, body) if pin.places is None else pin.places,
+                                  units)
         if pin.places is None:
             places.SetCustomDataByKey(DERIVED, True)
-    author(prim, "Pin", "stiffness", pin.stiffness, units)
-    author(prim, "Pin", "damping", pin.damping, units)
+    author_attribute(prim, "Pin", "stiffness", pin.stiffness, units)
+    author_attribute(prim, "Pin", "damping", pin.damping, units)
 
 
-def vertices(points: np.ndarray, body: Body) -> np.ndarray:
+def vertices_of_particles(points: np.ndarray, body: Body) -> np.ndarray:
     """Vertices of the body's prim: of a net, the first of each particle."""
     if not isinstance(body, Springs):
         return points
@@ -245,18 +247,18 @@ def vertices(points: np.ndarray, body: Body) -> np.ndarray:
 
 
 def is_tie(prim: Usd.Prim) -> bool:
-    return read(prim, "Pin", "type0") == read(prim, "Pin", "type1") == "point"
+    return read_attribute(prim, "Pin", "type0") == read_attribute(prim, "Pin", "type1") == "point"
 
 
-def load_tie(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Tie | None:
+def load_tie(reading: StageReading, prim: Usd.Prim, bodies: dict[str, Body]) -> Tie | None:
     """The tie of an attachment; None if it is switched off, or between bodies that cannot share points (noted).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
     """
     path = prim.GetPath()
-    if read(prim, "Pin", "enabled") is False:
+    if read_attribute(prim, "Pin", "enabled") is False:
         return None
-    ends = [(_target(prim, source), read(prim, "Tie", field))
+    ends = [(_forwarded_target(prim, source), read_attribute(prim, "Tie", field))
             for source, field in ((names.SRC0, "points"), (names.SRC1, "others"))]
     found = [(bodies.get(source), indices) for source, indices in ends]
     for (source, _), (body, _) in zip(ends, found, strict=True):
@@ -281,6 +283,6 @@ def author_tie(stage: Usd.Stage, tie: Tie) -> None:
     prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(tie.body)])
     prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(tie.other)])
     for field, value in (("enabled", True), ("type0", "point"), ("type1", "point")):
-        author(prim, "Pin", field, value)
-    author(prim, "Tie", "points", tie.points)
-    author(prim, "Tie", "others", tie.others)
+        author_attribute(prim, "Pin", field, value)
+    author_attribute(prim, "Tie", "points", tie.points)
+    author_attribute(prim, "Tie", "others", tie.others)

@@ -12,38 +12,38 @@ import numpy as np
 from pxr import Usd
 
 from wsim.usd import names
-from wsim.usd.attributes import array, attribute_of, read
-from wsim.usd.stage import Units
+from wsim.usd.attributes import define_attribute, read_attribute, to_usd_array
+from wsim.usd.stage import StageUnits
 
-REACTION = names.row("Pin", "reaction").attribute
+REACTION = names.attribute_entry("Pin", "reaction").attribute
 
 
-def sample(prim: Usd.Prim, forces: np.ndarray) -> tuple:
+def reaction_sample(prim: Usd.Prim, forces: np.ndarray) -> tuple:
     """(attribute, value) of forces [N] (n, 3), not yet set."""
-    entry = names.row("Pin", "reaction")
+    entry = names.attribute_entry("Pin", "reaction")
     prim.AddAppliedSchema(entry.schema)
-    return attribute_of(prim, entry), array(forces, entry.type, Units.of(prim.GetStage()).factor(entry.unit))
+    return define_attribute(prim, entry), to_usd_array(forces, entry.type, StageUnits.of(prim.GetStage()).factor(entry.unit))
 
 
-def forces_of(stage: Usd.Stage, forces: Mapping[str, np.ndarray]) -> list[tuple]:
-    """`sample` of each pin, by path; pins that are painted have no prim, and none."""
+def reaction_samples_of_pins(stage: Usd.Stage, forces: Mapping[str, np.ndarray]) -> list[tuple]:
+    """`reaction_sample` of each pin, by path; pins that are painted have no prim, and none."""
     found = ((stage.GetPrimAtPath(path), values) for path, values in forces.items())
-    return [sample(prim, values) for prim, values in found if prim]
+    return [reaction_sample(prim, values) for prim, values in found if prim]
 
 
-def codes(prim: Usd.Prim) -> list[float]:
+def reaction_time_codes(prim: Usd.Prim) -> list[float]:
     """Time codes of the samples; none where there is no such prim."""
     attribute = prim.GetAttribute(REACTION) if prim else None
     return list(attribute.GetTimeSamples()) if attribute else []
 
 
-def forces(prim: Usd.Prim, code: float) -> np.ndarray:
+def read_reaction_forces(prim: Usd.Prim, code: float) -> np.ndarray:
     """[N], (n, 3) float64; (0, 3) where nothing is said."""
-    value = read(prim, "Pin", "reaction", Units.of(prim.GetStage()), time=code)
+    value = read_attribute(prim, "Pin", "reaction", StageUnits.of(prim.GetStage()), time=code)
     return np.zeros((0, 3)) if value is None else value.astype(np.float64)
 
 
-def noise(prim: Usd.Prim) -> tuple[float | None, np.ndarray | None]:
+def read_reaction_noise(prim: Usd.Prim) -> tuple[float | None, np.ndarray | None]:
     """Standard deviation [N] and weights, None where they are not authored."""
-    units = Units.of(prim.GetStage())
-    return read(prim, "Pin", "reaction_noise", units), read(prim, "Pin", "reaction_weights")
+    units = StageUnits.of(prim.GetStage())
+    return read_attribute(prim, "Pin", "reaction_noise", units), read_attribute(prim, "Pin", "reaction_weights")

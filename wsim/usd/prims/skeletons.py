@@ -15,15 +15,15 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from wsim.scene.curve import Curve
-from wsim.scene.methods import role
-from wsim.usd.stage import Reading
+from wsim.scene.methods import method_file
+from wsim.usd.stage import StageReading
 
 APART = 1e-4       # of the size of a mesh, by which skinning may move it
 MOMENTS = 16       # at which it is looked at, at most
 
 
 @dataclass
-class Bound:
+class SkinnedMesh:
     """A mesh and the skeleton that moves it; followed: its skinned points were read."""
 
     skeleton: UsdSkel.SkeletonQuery
@@ -33,7 +33,7 @@ class Bound:
     followed: bool = False
 
 
-def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
+def skeleton_bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, SkinnedMesh]:
     """Bindings of what skeletons below the SkelRoots move, by path; not those to skeletons that USD cannot read."""
     found = {}
     for root in map(UsdSkel.Root, roots):
@@ -42,11 +42,11 @@ def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
         for binding in cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
             skeleton = cache.GetSkelQuery(binding.GetSkeleton())
             for query in binding.GetSkinningTargets() if skeleton else ():
-                found[query.GetPrim().GetPath()] = Bound(skeleton, query, cache, binding.GetSkeleton().GetPrim())
+                found[query.GetPrim().GetPath()] = SkinnedMesh(skeleton, query, cache, binding.GetSkeleton().GetPrim())
     return found
 
 
-def lost(reading: Reading, prim: Usd.Prim) -> None:
+def report_missing_skeleton(reading: StageReading, prim: Usd.Prim) -> None:
     """Reports that a mesh with joint influences is bound to a skeleton that is not there, or that USD cannot read."""
     if not prim.HasAttribute("primvars:skel:jointIndices"):
         return
@@ -65,36 +65,37 @@ def lost(reading: Reading, prim: Usd.Prim) -> None:
                          "name of its own, behind those above it")
 
 
-def poses(reading: Reading, prim: Usd.Prim) -> Any:
+def read_skinned_poses(reading: StageReading, prim: Usd.Prim) -> Any:
     """Skinned points: a `wsim.physics.animation.objects.Skinned`, in its skeleton's space; where its own points or what
     binds them are animated, a Curve of points [m] in its own space. None where no skeleton moves it; errors are reported."""
     bound = reading.skinned.get(prim.GetPath())
     if bound is None or not prim.IsA(UsdGeom.PointBased):
-        lost(reading, prim)
+        report_missing_skeleton(reading, prim)
         return None
     before = len(reading.problems)
-    if _skinned(bound, reading.units.start) is not None and not _moved(reading, bound):
-        role("Skeleton", "usd").sound(reading, bound)
+    if _compute_skinned_points(bound, reading.units.start) is not None and not _describe_skeleton_motion(reading, bound):
+        method_file("Skeleton", "usd").sound(reading, bound)
         return None
     bound.followed = True
-    if (skin := _followed(reading, bound, prim)) is not None:
+    if (skin := _follow_skeleton(reading, bound, prim)) is not None:
         return skin
     if any(problem.fatal for problem in reading.problems[before:]):
         return None
-    samples = {*_samples(bound.skeleton), *UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
+    samples = {*_animation_time_codes(bound.skeleton), *UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
     start, end = reading.units.start, reading.units.start + reading.frames
     codes = sorted({*(start + np.arange(reading.frames + 1)).tolist(), *(c for c in samples if start < c < end)})
-    values = [_skinned(bound, code) for code in codes]
+    values = [_compute_skinned_points(bound, code) for code in codes]
     if any(v is None or not np.all(np.isfinite(v)) for v in values):
-        role("Skeleton", "usd").sound(reading, bound)
+        method_file("Skeleton", "usd").sound(reading, bound)
         if not any(problem.fatal for problem in reading.problems[before:]):
-            reading.fail(prim.GetPath(), _unfit(bound) or f"cannot be skinned by {bound.prim.GetPath()} at all of its frames; "
+            reading.fail(prim.GetPath(), _describe_bad_influences(bound)
+                         or f"cannot be skinned by {bound.prim.GetPath()} at all of its frames; "
                          "author joints, indices and weights that belong together, and finite transforms")
         return None
     return Curve(reading.units.time(np.array(codes)), np.array(values) * reading.units.metres)
 
 
-def _unfit(bound: Bound) -> str:
+def _describe_bad_influences(bound: SkinnedMesh) -> str:
     """Message on a mesh whose joint indices or weights do not fit its skeleton; "" if the cause is another one."""
     query, points = bound.query, UsdGeom.PointBased(bound.query.GetPrim()).GetPointsAttr().Get()
     each, joints = query.GetNumInfluencesPerComponent(), len(query.GetJointOrder() or bound.skeleton.GetJointOrder())
@@ -109,32 +110,32 @@ def _unfit(bound: Bound) -> str:
     return ""
 
 
-def _followed(reading: Reading, bound: Bound, prim: Usd.Prim):
+def _follow_skeleton(reading: StageReading, bound: SkinnedMesh, prim: Usd.Prim):
     """The `Skinned` of a mesh that can be, or None."""
-    if _skinned(bound, reading.units.start) is None:
+    if _compute_skinned_points(bound, reading.units.start) is None:
         return None
-    return role("Skeleton", "usd").follow(reading, bound, prim)
+    return method_file("Skeleton", "usd").follow(reading, bound, prim)
 
 
-def skinned(reading: Reading, prims: list[Usd.Prim]) -> None:
+def refuse_skinned(reading: StageReading, prims: list[Usd.Prim]) -> None:
     """Reports those of the prims that a skeleton moves and that do not follow it."""
     for prim in prims:
         bound = reading.skinned.get(prim.GetPath())
-        if bound and not bound.followed and (found := _moved(reading, bound)):
+        if bound and not bound.followed and (found := _describe_skeleton_motion(reading, bound)):
             reading.fail(prim.GetPath(), f"is bound to the skeleton {bound.prim.GetPath()}, which {found}; mesh "
                          "colliders alone follow a skeleton: it would stand in its bind pose. Write its skinned points into "
                          "points (UsdSkel.BakeSkinning does), or author an empty skel:skeleton on it to mean the bind pose")
 
 
-def _moved(reading: Reading, bound: Bound) -> str:
+def _describe_skeleton_motion(reading: StageReading, bound: SkinnedMesh) -> str:
     """How a skeleton moves a mesh at the start or later, in words; "" if it does not."""
     skeleton, query = bound.skeleton, bound.query
-    codes = list(_moments(reading, skeleton))
+    codes = list(_sampled_time_codes(reading, skeleton))
     animation = skeleton.GetAnimQuery()
     if query.HasBlendShapes() and animation and any(np.any(animation.ComputeBlendShapeWeights(code)) for code in codes):
         return "shapes it by blend shapes"
     for code in codes:
-        places = _places(bound, code)
+        places = _bind_and_skinned_points(bound, code)
         if places is None:
             continue
         authored, put = places
@@ -145,24 +146,24 @@ def _moved(reading: Reading, bound: Bound) -> str:
     return ""
 
 
-def _moments(reading: Reading, skeleton: UsdSkel.SkeletonQuery) -> Iterator[float]:
+def _sampled_time_codes(reading: StageReading, skeleton: UsdSkel.SkeletonQuery) -> Iterator[float]:
     """Time codes of the start and of some samples of the animation in the frames to simulate."""
     start = reading.units.start
     yield start
-    inside = sorted(c for c in _samples(skeleton) if start < c <= start + reading.frames)
+    inside = sorted(c for c in _animation_time_codes(skeleton) if start < c <= start + reading.frames)
     yield from inside[:: -(-len(inside) // MOMENTS) or 1]
 
 
-def _samples(skeleton: UsdSkel.SkeletonQuery) -> set[float]:
+def _animation_time_codes(skeleton: UsdSkel.SkeletonQuery) -> set[float]:
     animation = skeleton.GetAnimQuery()
     return {*animation.GetJointTransformTimeSamples(), *animation.GetBlendShapeWeightTimeSamples()} if animation else set()
 
 
-def _skinned(bound: Bound, code: float) -> np.ndarray | None:
+def _compute_skinned_points(bound: SkinnedMesh, code: float) -> np.ndarray | None:
     """Points of a mesh as it is skinned, in its own space [units], (n, 3)."""
     query, skeleton, prim = bound.query, bound.skeleton, bound.query.GetPrim()
     points = UsdGeom.PointBased(prim).GetPointsAttr().Get(code)
-    if not points or not _shaped(bound, points, code):
+    if not points or not _add_blend_shapes(bound, points, code):
         return None
     if not query.HasJointInfluences():
         return np.array(points, np.float64)
@@ -173,7 +174,7 @@ def _skinned(bound: Bound, code: float) -> np.ndarray | None:
     return np.array(points, np.float64) @ back[:3, :3] + back[3, :3]
 
 
-def _shaped(bound: Bound, points: Vt.Vec3fArray, code: float) -> bool:
+def _add_blend_shapes(bound: SkinnedMesh, points: Vt.Vec3fArray, code: float) -> bool:
     """Adds the blend shapes at their weights to points; whether that could be done."""
     query, animation = bound.query, bound.skeleton.GetAnimQuery()
     if not query.HasBlendShapes() or not animation:
@@ -188,7 +189,7 @@ def _shaped(bound: Bound, points: Vt.Vec3fArray, code: float) -> bool:
                                                         shapes.ComputeSubShapePointOffsets(), points)
 
 
-def _places(bound: Bound, code: float) -> tuple[np.ndarray, np.ndarray] | None:
+def _bind_and_skinned_points(bound: SkinnedMesh, code: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Points in the world as authored, and as skinned [units], (n, 3) each; None where there is nothing to skin, or a binding
     that cannot be."""
     skeleton, query, cache = bound.skeleton, bound.query, UsdGeom.XformCache(Usd.TimeCode(code))

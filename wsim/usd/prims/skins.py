@@ -13,47 +13,48 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError, Skin, Soft, Surface
-from wsim.scene.nodal.skin import hold
+from wsim.scene.nodal.skin import embed_skin
 from wsim.usd import names
-from wsim.usd.attributes import DEFAULT, author, read, read_row
-from wsim.usd.load_varying import steady
-from wsim.usd.names import row
-from wsim.usd.prims.colliders import turned_over
-from wsim.usd.stage import Reading, Units, applied
-from wsim.usd.transforms import author_motion, placement
+from wsim.usd.attributes import DEFAULT, author_attribute, read_attribute, read_table_attribute
+from wsim.usd.load_varying import check_topology
+from wsim.usd.names import attribute_entry
+from wsim.usd.prims.colliders import reverse_polygons
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
+from wsim.usd.transforms import author_motion, read_placement
 
 BIND = "bindPose"
 
 
-def load_skins(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> list[Skin]:
+def load_skins(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> list[Skin]:
     """The skins of a soft body; what follows it not, though it lies in the body, is noted."""
     skins = []
     tied = _bind_points(reading, mesh, "Soft")
     tied = soft.points if tied is None else tied
-    for prim in _meshes(reading, mesh, body):
-        if not steady(reading, prim, "faceVertexCounts", "faceVertexIndices"):
+    for prim in _find_skin_meshes(reading, mesh, body):
+        if not check_topology(reading, prim, "faceVertexCounts", "faceVertexIndices"):
             continue
         points = _bind_points(reading, prim, "Cloth")
-        counts, indices = (read(prim, "Cloth", field, reading.units, reading.start) for field in ("counts", "indices"))
+        counts, indices = (read_attribute(prim, "Cloth", field, reading.units, reading.start)
+                           for field in ("counts", "indices"))
         if points is None or counts is None or indices is None:
             reading.warn(prim.GetPath(), f"lies in the deformable body {body.GetPath()} and has no points or no faces: it is "
                          "no skin of it")
             continue
-        own, there = soft.motion.at(0.0), placement(reading, prim).motion.at(0.0)
+        own, there = soft.motion.at(0.0), read_placement(reading, prim).motion.at(0.0)
         if not np.isfinite(there).all():
             reading.fail(prim.GetPath(), "its transform holds NaN or infinity; author its xformOps again")
             continue
         turned = prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded
         if not np.array_equal(own, there):
             with np.errstate(invalid="ignore"):                # points that are not finite: reported by wsim.scene.check.soft
-                points = _back(own, points @ there[:3, :3].T + there[:3, 3])
-            turned ^= (np.linalg.det(there[:3, :3]) < 0) != mirrored(soft)
-        skin = Skin(str(prim.GetPath()), points, counts, turned_over(counts, indices) if turned else indices)
+                points = _world_to_frame(own, points @ there[:3, :3].T + there[:3, 3])
+            turned ^= (np.linalg.det(there[:3, :3]) < 0) != is_mirrored_frame(soft)
+        skin = Skin(str(prim.GetPath()), points, counts, reverse_polygons(counts, indices) if turned else indices)
         rest = soft.points if soft.rest_points is None else soft.rest_points
         finite = all(np.isfinite(values).all() for values in (own, tied, rest))
         if finite and tied.shape == rest.shape and not np.array_equal(tied, rest):
             try:
-                skin.points = carried(soft, skin, tied, rest)
+                skin.points = skin_points_from_tets(soft, skin, tied, rest)
             except SceneError as error:
                 reading.problems += error.problems
                 continue
@@ -61,11 +62,11 @@ def load_skins(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> 
     return skins
 
 
-def _meshes(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Iterator[Usd.Prim]:
+def _find_skin_meshes(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim) -> Iterator[Usd.Prim]:
     """The meshes of a body that are skins; others with points are noted."""
     prims = iter(Usd.PrimRange(body, Usd.TraverseInstanceProxies()))
     for prim in prims:
-        apis = applied(prim)
+        apis = applied_schemas(prim)
         if prim != body and names.BODY in apis:
             prims.PruneChildren()
             continue
@@ -82,64 +83,65 @@ def _meshes(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Iterator[Usd.Pr
             yield prim
 
 
-def _bind_points(reading: Reading, prim: Usd.Prim, owner: str) -> np.ndarray | None:
+def _bind_points(reading: StageReading, prim: Usd.Prim, owner: str) -> np.ndarray | None:
     """Points [m] of a prim in its bind pose, own frame."""
-    for api in applied(prim):
+    for api in applied_schemas(prim):
         if api.startswith(f"{names.POSE}:"):
             pose = f"physics:deformablePose:{api.partition(':')[2]}"
-            purposes, points = (read_row(prim, replace(row("Pose", name), attribute=f"{pose}:{name}"), reading.units)
+            purposes, points = (read_table_attribute(prim, replace(attribute_entry("Pose", name), attribute=f"{pose}:{name}"),
+                                                     reading.units)
                                 for name in ("purposes", "points"))
             if purposes and points is not None and BIND in purposes:
                 return points
-    points = read(prim, owner, "points", reading.units, DEFAULT)
-    return read(prim, owner, "points", reading.units, reading.start) if points is None else points
+    points = read_attribute(prim, owner, "points", reading.units, DEFAULT)
+    return read_attribute(prim, owner, "points", reading.units, reading.start) if points is None else points
 
 
-def mirrored(soft: Soft) -> bool:
+def is_mirrored_frame(soft: Soft) -> bool:
     """True if the body's frame is the mirror image of a turned one at the start."""
     return bool(np.isfinite(soft.motion.values).all() and np.linalg.det(soft.motion.at(0.0)[:3, :3]) < 0)
 
 
-def _back(M: np.ndarray, world: np.ndarray) -> np.ndarray:
+def _world_to_frame(M: np.ndarray, world: np.ndarray) -> np.ndarray:
     """World positions [m] in the frame M (singular or not finite: as they are, wsim.scene.check.scene reports it)."""
     if not np.isfinite(M).all() or np.linalg.det(M[:3, :3]) == 0.0:
         return world
     return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
 
 
-def carried(soft: Soft, skin: Skin, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+def skin_points_from_tets(soft: Soft, skin: Skin, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Points of a skin [m] in the body's frame, (m, 3) float32, that follow its tets from points `before` to `after`, (n, 3).
-    Raises SceneError as `wsim.scene.nodal.skin.hold` does."""
-    return hold(replace(soft, rest_points=before), skin).of(after).astype(np.float32)
+    Raises SceneError as `wsim.scene.nodal.skin.embed_skin` does."""
+    return embed_skin(replace(soft, rest_points=before), skin).of(after).astype(np.float32)
 
 
-def body_of(soft: Soft) -> str:
+def deformable_body_path(soft: Soft) -> str:
     """Path of the prim that a save makes the deformable body: the TetMesh, or what is above it if skins lie beside it."""
     return soft.path.rpartition("/")[0] if soft.skins else soft.path
 
 
-def author_bind_pose(mesh: Usd.Prim, soft: Soft, units: Units) -> None:
+def author_bind_pose(mesh: Usd.Prim, soft: Soft, units: StageUnits) -> None:
     """Notes that skins are bound to the rest shape, where that is not where the body starts."""
     if soft.skins and soft.rest_points is not None:
         _author_pose(mesh, soft.rest_points, units)
 
 
-def _author_pose(prim: Usd.Prim, points: np.ndarray, units: Units) -> None:
+def _author_pose(prim: Usd.Prim, points: np.ndarray, units: StageUnits) -> None:
     prim.AddAppliedSchema(f"{names.POSE}:bind")
-    author(prim, "Pose", "purposes", [BIND])
-    author(prim, "Pose", "points", points, units)
+    author_attribute(prim, "Pose", "purposes", [BIND])
+    author_attribute(prim, "Pose", "points", points, units)
 
 
-def author_skin(stage: Usd.Stage, soft: Soft, skin: Skin, units: Units, frames: int) -> None:
+def author_skin(stage: Usd.Stage, soft: Soft, skin: Skin, units: StageUnits, frames: int) -> None:
     """Defines the Mesh of a skin. Its points are where the body starts; in the rest shape they are its bind pose."""
     mesh = UsdGeom.Mesh.Define(stage, skin.path)
     prim, points = mesh.GetPrim(), skin.points
     if soft.rest_points is not None:
-        points = carried(soft, skin, soft.rest_points, soft.points)
+        points = skin_points_from_tets(soft, skin, soft.rest_points, soft.points)
         _author_pose(prim, skin.points, units)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     for field, value in (("points", points), ("counts", skin.counts), ("indices", skin.indices)):
-        author(prim, "Cloth", field, value, units)
+        author_attribute(prim, "Cloth", field, value, units)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     author_motion(prim, soft.motion, units, frames)
 
@@ -148,7 +150,7 @@ def skin_problems(scene: Scene) -> Iterator[Problem]:
     """Skins that a stage cannot hold as meshes of their body."""
     bodies: dict[str, str] = {}
     for soft in (s for s in scene.softs if s.skins):
-        body = body_of(soft)
+        body = deformable_body_path(soft)
         for skin in soft.skins:
             if len(skin.counts) == 0:
                 yield Problem(skin.path, "has no faces; give counts and indices, as to a cloth")

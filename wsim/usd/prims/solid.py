@@ -12,60 +12,62 @@ from pxr import Usd, UsdGeom
 
 from wsim.scene.solid import Bulk
 from wsim.usd import names
-from wsim.usd.attributes import author, read
-from wsim.usd.names import row
+from wsim.usd.attributes import author_attribute, read_attribute
+from wsim.usd.names import attribute_entry
 from wsim.usd.prims.fabric import (
     UNAUTHORED,
     authored_binding,
-    bind,
-    bound,
-    define,
-    density_of,
+    bind_physics_material,
+    bound_physics_material,
+    define_material,
+    effective_density,
     is_physical,
     load_friction,
-    physical,
-    plain,
-    validated,
+    material_or_body,
+    own_material_values,
+    validate_material,
 )
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 
 FAMILY = "materialBind"            # of subsets that bind materials, as UsdShade has it
 
 
-def load_bulk(reading: Reading, prim: Usd.Prim, body_density: float | None) -> Bulk:
+def load_bulk(reading: StageReading, prim: Usd.Prim, body_density: float | None) -> Bulk:
     """The material of a TetMesh or of a subset of it; body_density [kg/m^3] overrules the material's.
 
     Every value out of range is reported with the material's path; the default takes its place so that reading goes on.
     """
-    material = physical(reading, prim, names.VOLUME_MATERIAL)
-    if material != prim and read(material, "Bulk", "young") is None:
-        reading.warn(material.GetPath(), f"{row('Bulk', 'young').attribute} is not authored: {names.YOUNGS_MODULUS:g} Pa, the "
+    material = material_or_body(reading, prim, names.VOLUME_MATERIAL)
+    if material != prim and read_attribute(material, "Bulk", "young") is None:
+        reading.warn(material.GetPath(),
+                     f"{attribute_entry('Bulk', 'young').attribute} is not authored: {names.YOUNGS_MODULUS:g} Pa, the "
                      f"fallback of {names.VOLUME_MATERIAL}, counts")
-    values = {"young": read(material, "Bulk", "young", reading.units), "poisson": read(material, "Bulk", "poisson")}
+    values = {"young": read_attribute(material, "Bulk", "young", reading.units),
+              "poisson": read_attribute(material, "Bulk", "poisson")}
     for field, fallback in (("young", names.YOUNGS_MODULUS), ("poisson", names.POISSONS_RATIO)):
         values[field] = fallback if values[field] in UNAUTHORED else values[field]
-    values["density"] = density_of(reading, material, body_density)
+    values["density"] = effective_density(reading, material, body_density)
     values["static_friction"], values["dynamic_friction"] = load_friction(reading, prim, note=True)
-    if (model := read(material, "Bulk", "model")) is not None:
+    if (model := read_attribute(material, "Bulk", "model")) is not None:
         values["model"] = model
-    values |= plain(reading, material, "Bulk", values)
-    return validated(reading, material, Bulk, values)
+    values |= own_material_values(reading, material, "Bulk", values)
+    return validate_material(reading, material, Bulk, values)
 
 
-def load_parts(reading: Reading, mesh: Usd.Prim, count: int,
-               body_density: float | None) -> tuple[list[Bulk], np.ndarray | None]:
+def load_tet_materials(reading: StageReading, mesh: Usd.Prim, count: int,
+                       body_density: float | None) -> tuple[list[Bulk], np.ndarray | None]:
     """Materials of some of the `count` tets, and which material each tet has (0: that of the mesh), None if all have that."""
     others: list[Bulk] = []
     which, owners = np.zeros(count, np.int32), [mesh]
     for subset in mesh.GetChildren():
-        if subset.GetTypeName() != "GeomSubset" or not _binds(reading, mesh, subset):
+        if subset.GetTypeName() != "GeomSubset" or not _subset_binds_material(reading, mesh, subset):
             continue
         kind = UsdGeom.Subset(subset).GetElementTypeAttr().Get()
         if kind != UsdGeom.Tokens.tetrahedron:
             reading.warn(subset.GetPath(), f"binds a physics material to elements of type {kind!r} of {mesh.GetPath()}; only "
                          "'tetrahedron' is read")
             continue
-        tets = read(subset, "Part", "tets", reading.units, reading.start)
+        tets = read_attribute(subset, "Part", "tets", reading.units, reading.start)
         tets = np.zeros(0, np.int32) if tets is None else tets
         outside = (tets < 0) | (tets >= count)
         if outside.any():
@@ -85,35 +87,35 @@ def load_parts(reading: Reading, mesh: Usd.Prim, count: int,
     return others, which if which.any() else None
 
 
-def _binds(reading: Reading, mesh: Usd.Prim, subset: Usd.Prim) -> bool:
+def _subset_binds_material(reading: StageReading, mesh: Usd.Prim, subset: Usd.Prim) -> bool:
     """Whether a subset has a physics material that is not merely the mesh's."""
     if authored_binding(subset):
         return True
-    material = bound(reading, subset)
-    return material is not None and material != bound(reading, mesh) and is_physical(material)
+    material = bound_physics_material(reading, subset)
+    return material is not None and material != bound_physics_material(reading, mesh) and is_physical(material)
 
 
-def author_bulk(stage: Usd.Stage, path: str, bulk: Bulk, units: Units) -> Usd.Prim:
+def author_bulk(stage: Usd.Stage, path: str, bulk: Bulk, units: StageUnits) -> Usd.Prim:
     """The Material at `path`, defined as one that says this solid unless it is there already."""
     found = stage.GetPrimAtPath(path)
     if found:
         return found
-    prim = define(stage, path)
+    prim = define_material(stage, path)
     for schema in (names.MATERIAL, names.VOLUME_MATERIAL, names.WSIM_MATERIAL):
         prim.AddAppliedSchema(schema)
     for field in (f.name for f in fields(Bulk)):
-        author(prim, "Bulk", field, getattr(bulk, field), units)
+        author_attribute(prim, "Bulk", field, getattr(bulk, field), units)
     return prim
 
 
-def author_parts(mesh: UsdGeom.TetMesh, which: np.ndarray | None, parts: list[tuple[str, Usd.Prim]]) -> None:
+def author_tet_materials(mesh: UsdGeom.TetMesh, which: np.ndarray | None, parts: list[tuple[str, Usd.Prim]]) -> None:
     """Defines a subset for each of the other materials; parts: (path of the subset, Material)."""
     stage = mesh.GetPrim().GetStage()
     for k, (path, material) in enumerate(parts, 1):
         subset = UsdGeom.Subset.Define(stage, path).GetPrim()
-        author(subset, "Part", "kind", UsdGeom.Tokens.tetrahedron)
-        author(subset, "Part", "family", FAMILY)
-        author(subset, "Part", "tets", np.zeros(0) if which is None else np.flatnonzero(which == k))
-        bind(subset, material)
+        author_attribute(subset, "Part", "kind", UsdGeom.Tokens.tetrahedron)
+        author_attribute(subset, "Part", "family", FAMILY)
+        author_attribute(subset, "Part", "tets", np.zeros(0) if which is None else np.flatnonzero(which == k))
+        bind_physics_material(subset, material)
     if parts:
         UsdGeom.Subset.SetFamilyType(mesh, FAMILY, UsdGeom.Tokens.nonOverlapping)

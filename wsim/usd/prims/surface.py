@@ -8,16 +8,16 @@ from collections.abc import Mapping
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, Vt
 
-from wsim.geometry.tetra.tets import surface
+from wsim.geometry.tetra.tets import tet_surface_triangles
 from wsim.scene import Scene, Soft
 
 OF = "wsim:surfaceOf"              # custom data of the Mesh: path of its TetMesh
 
 
-def faces(tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tet_surface_mesh(tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(points of the surface in the numbers of the TetMesh, (k,); triangles of the surface in numbers of those, (m, 3)) of tets
     (t, 4) of positive volume."""
-    triangles = surface(tets)
+    triangles = tet_surface_triangles(tets)
     own, corners = np.unique(triangles, return_inverse=True)
     return own, corners.reshape(-1, 3).astype(np.int32)
 
@@ -26,7 +26,7 @@ def author_surface(stage: Usd.Stage, mesh: UsdGeom.TetMesh, tets: np.ndarray, pa
     """Defines the Mesh beside a TetMesh, with its transform, orientation and looks; the TetMesh becomes a guide, so that it is
     not seen twice. tets: of positive volume in the world. Returns the numbers of its points in the TetMesh, (k,)."""
     prim = mesh.GetPrim()
-    own, triangles = faces(tets)
+    own, triangles = tet_surface_mesh(tets)
     shown = UsdGeom.Mesh.Define(stage, path)
     shown.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     frame = np.array(UsdGeom.XformCache(Usd.TimeCode(start)).GetLocalToWorldTransform(prim))
@@ -64,14 +64,14 @@ class SurfaceOver:
 
     def __init__(self, prim: Usd.Prim, soft: Soft, start: float, codes: list[float]):
         """codes: time codes that the TetMesh has samples of already."""
-        stage, self.path = prim.GetStage(), free(prim.GetStage(), f"{prim.GetPath()}_surface")
+        stage, self.path = prim.GetStage(), free_prim_path(prim.GetStage(), f"{prim.GetPath()}_surface")
         self.own = author_surface(stage, UsdGeom.TetMesh(prim), soft.tets, self.path, start)
         self.prim = stage.GetPrimAtPath(self.path)
         for code in codes:
-            for attribute, value in self.of([(a, a.Get(code)) for a in prim.GetAttributes() if self._follows(a)]):
+            for attribute, value in self.of([(a, a.Get(code)) for a in prim.GetAttributes() if self._is_surface_attribute(a)]):
                 attribute.Set(value, code)
 
-    def _follows(self, attribute: Usd.Attribute) -> bool:
+    def _is_surface_attribute(self, attribute: Usd.Attribute) -> bool:
         name = attribute.GetName()
         return name in ("points", "velocities") or name.startswith("primvars:") and attribute.GetNumTimeSamples() > 0
 
@@ -94,12 +94,12 @@ class SurfaceOver:
         return found
 
 
-def surfaces(scene: Scene, bodies: Mapping[str, tuple[Usd.Prim, int]], codes: list[float]) -> dict[str, SurfaceOver]:
+def soft_body_surfaces(scene: Scene, bodies: Mapping[str, tuple[Usd.Prim, int]], codes: list[float]) -> dict[str, SurfaceOver]:
     """Surfaces of the soft bodies without skins, by path. bodies: prim and count by path; codes as `SurfaceOver` has them."""
     return {s.path: SurfaceOver(bodies[s.path][0], s, scene.start, codes) for s in scene.softs if not s.skins}
 
 
-def free(stage: Usd.Stage, path: str) -> str:
+def free_prim_path(stage: Usd.Stage, path: str) -> str:
     """path, or path_1, path_2 ... where no prim is yet."""
     candidate, i = path, 0
     while stage.GetPrimAtPath(candidate):

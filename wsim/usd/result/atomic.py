@@ -16,11 +16,11 @@ PART = "wsim-part"
 
 
 @contextmanager
-def draft(path, ending: str | None = None, named: str | None = None) -> Iterator[Path]:
+def draft_file(path, ending: str | None = None, named: str | None = None) -> Iterator[Path]:
     """A free name in the folder of `path`; what is written to it is removed when the block ends, unless it was renamed.
 
     ending    of that name, for writers that go by it; None: that of `path`
-    named     after this path (of the same folder), whose `leftovers` it then belongs to; None: after `path`
+    named     after this path (of the same folder), whose `leftover_drafts` it then belongs to; None: after `path`
     """
     path = Path(os.fspath(path))
     ending = path.suffix if ending is None else ending
@@ -33,14 +33,14 @@ def draft(path, ending: str | None = None, named: str | None = None) -> Iterator
 
 
 @contextmanager
-def replacing(path, ending: str | None = None, named: str | None = None) -> Iterator[Path]:
-    """A file as `draft` has it; what is written to it becomes `path` if the block ends well."""
-    with draft(path, ending, named) as temporary:
+def replace_file_atomically(path, ending: str | None = None, named: str | None = None) -> Iterator[Path]:
+    """A file as `draft_file` has it; what is written to it becomes `path` if the block ends well."""
+    with draft_file(path, ending, named) as temporary:
         yield temporary
         os.replace(temporary, path)
 
 
-def leftovers(path) -> list[Path]:
+def leftover_drafts(path) -> list[Path]:
     """Drafts of `path` that a killed process left. Only who alone may write `path` may remove it."""
     path = Path(os.fspath(path))
     name = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}\.{PART}(\.\w+)?\Z")
@@ -50,7 +50,7 @@ def leftovers(path) -> list[Path]:
 
 def replace_bytes(path, data: bytes) -> None:
     """Writes a file. Raises OSError where it cannot be; an old file then stays."""
-    with replacing(path) as temporary, open(temporary, "xb") as file:
+    with replace_file_atomically(path) as temporary, open(temporary, "xb") as file:
         file.write(data)
 
 

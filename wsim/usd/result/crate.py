@@ -35,7 +35,7 @@ TRIES, PAUSE = 50, 0.02    # [s] a reader waits for a save that comes between
 
 
 @dataclass(frozen=True)
-class Index:
+class CrateIndex:
     """Offset of the first section, header, everything from that offset on, and the checksum of what is before it."""
 
     start: int
@@ -44,7 +44,7 @@ class Index:
     before: int
 
     @staticmethod
-    def of(file: BinaryIO) -> "Index":
+    def of(file: BinaryIO) -> "CrateIndex":
         """Index of a crate file. Raises OSError where it is none, or none that is whole."""
         size = os.fstat(file.fileno()).st_size
         file.seek(0)
@@ -61,20 +61,20 @@ class Index:
         start = min(struct.unpack_from("<16sqq", file.read(32))[1] for _ in range(sections))
         if not HEADER <= start <= contents:
             raise OSError("it is no whole usdc file")
-        before = _before(file, start)
+        before = _crate_checksum(file, start)
         file.seek(start)
-        return Index(start, header, file.read(), before)
+        return CrateIndex(start, header, file.read(), before)
 
     @staticmethod
-    def kept(path: str) -> "Index | None":
+    def kept(path: str) -> "CrateIndex | None":
         """Index that was copied aside for a crate file; None where there is none that this module wrote, or a link."""
-        with suppress(OSError, struct.error), _regular(path + INDEX, os.O_RDONLY) as file:
+        with suppress(OSError, struct.error), _open_regular_file(path + INDEX, os.O_RDONLY) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 return None
             start, length, check, before = struct.unpack(FORMAT, file.read(struct.calcsize(FORMAT)))
             header, tail = file.read(HEADER), file.read()
             if len(tail) == length and crc32(header + tail) == check and header[:8] == CRATE and start >= HEADER:
-                return Index(start, header, tail, before)
+                return CrateIndex(start, header, tail, before)
         return None
 
     def keep(self, path: str) -> None:
@@ -86,17 +86,17 @@ class Index:
         """True if the values before it are those of this file."""
         file.seek(0)
         return (file.read(8) == CRATE and os.fstat(file.fileno()).st_size >= self.start
-                and _before(file, self.start) == self.before)
+                and _crate_checksum(file, self.start) == self.before)
 
 
-def _before(file: BinaryIO, start: int) -> int:
+def _crate_checksum(file: BinaryIO, start: int) -> int:
     first = max(HEADER, start - BEFORE)
     file.seek(first)
     return crc32(file.read(start - first))
 
 
 @contextmanager
-def _regular(path: str, flags: int) -> Iterator[BinaryIO]:
+def _open_regular_file(path: str, flags: int) -> Iterator[BinaryIO]:
     """A file of one name, opened without following a link. Raises OSError for all else."""
     handle = os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with os.fdopen(handle, "rb" if flags == os.O_RDONLY else "r+b") as file:
@@ -106,21 +106,21 @@ def _regular(path: str, flags: int) -> Iterator[BinaryIO]:
         yield file
 
 
-def keep_index(path: str) -> None:
+def copy_crate_index(path: str) -> None:
     """Copies the index of a crate file aside before it is saved."""
     with open(path, "rb") as file:
-        Index.of(file).keep(path)
+        CrateIndex.of(file).keep(path)
 
 
-def put_index_back(path: str) -> bool:
+def undo_unfinished_save(path: str) -> bool:
     """Undoes a save that did not end; whether there was one. Only for who alone may write the file. Needs no new space on the
     disk. Raises FileExistsError where the copy is not of this file, or either is a link."""
     if not os.path.lexists(path + INDEX):
         return False
-    kept = Index.kept(path)
+    kept = CrateIndex.kept(path)
     if kept and os.path.lexists(path):
         try:
-            with _regular(path, os.O_RDWR) as file:
+            with _open_regular_file(path, os.O_RDWR) as file:
                 kept = kept if kept.fits(file) else None
                 if kept:
                     file.seek(0)
@@ -140,17 +140,17 @@ def put_index_back(path: str) -> bool:
 
 # Reading
 
-def growing(path: str) -> bool:
-    """True if a file is written now, or its writer was killed: then only `read` reads it safely."""
+def is_being_written(path: str) -> bool:
+    """True if a file is written now, or its writer was killed: then only `read_crate_layer` reads it safely."""
     return os.path.lexists(path + LOCK) or os.path.lexists(path + INDEX)
 
 
-def made(layer: Sdf.Layer) -> bool:
+def is_wsim_result(layer: Sdf.Layer) -> bool:
     """True if a run has written the layer."""
     return MADE in layer.customLayerData
 
 
-def read(path) -> Sdf.Layer:
+def read_crate_layer(path) -> Sdf.Layer:
     """The layer of a file that a run writes or wrote, as it was after some save; nothing is written to it or beside it.
 
     It is anonymous, so that neither the writer of this process nor what USD knows of the path has a part in it; its sublayers
@@ -158,19 +158,19 @@ def read(path) -> Sdf.Layer:
     """
     path = os.path.realpath(path)
     for _ in range(TRIES):
-        grows = growing(path)
-        layer = _copied(path) if grows else Sdf.Layer.OpenAsAnonymous(path)
-        if layer and (grows or not growing(path)):
-            _anchor(layer, os.path.dirname(path))
+        grows = is_being_written(path)
+        layer = _read_private_copy(path) if grows else Sdf.Layer.OpenAsAnonymous(path)
+        if layer and (grows or not is_being_written(path)):
+            _absolutize_sublayers(layer, os.path.dirname(path))
             return layer
         time.sleep(PAUSE)
     raise OSError(f"{path} is being written just now and could not be read; try again, or wait until the run ends")
 
 
-def _copied(path: str) -> Sdf.Layer | None:
+def _read_private_copy(path: str) -> Sdf.Layer | None:
     """The layer of a private copy; None if a save came between. Values are never moved, so that those of an index stay."""
     with open(path, "rb") as file, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        index = _current(path, file)
+        index = _current_crate_index(path, file)
         if index is None:
             return None
         copy = os.path.join(folder, "layer.usdc")
@@ -186,22 +186,22 @@ def _copied(path: str) -> Sdf.Layer | None:
         return Sdf.Layer.OpenAsAnonymous(copy)               # stays open when the copy has no name any more
 
 
-def _current(path: str, file: BinaryIO) -> Index | None:
+def _current_crate_index(path: str, file: BinaryIO) -> CrateIndex | None:
     """An index that the values of the file belong to: that before the save under way, else its own; None in between."""
-    kept = Index.kept(path)
+    kept = CrateIndex.kept(path)
     if kept and kept.fits(file):
         return kept
     before = os.fstat(file.fileno())
     try:
-        index = Index.of(file)
+        index = CrateIndex.of(file)
     except (OSError, struct.error):
         return None
-    after, kept = os.fstat(file.fileno()), Index.kept(path)
+    after, kept = os.fstat(file.fileno()), CrateIndex.kept(path)
     still = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
     return index if still and not (kept and kept.fits(file)) else None
 
 
-def _anchor(layer: Sdf.Layer, folder: str) -> None:
+def _absolutize_sublayers(layer: Sdf.Layer, folder: str) -> None:
     """Sublayers by absolute paths: an anonymous layer has no place."""
     layer.subLayerPaths[:] = [os.path.normpath(os.path.join(folder, p)) if p.startswith(("./", "../")) else p
                               for p in layer.subLayerPaths]

@@ -16,20 +16,20 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Collider, Pin, Soft, Springs
 from wsim.scene.solid import Bulk
-from wsim.scene.values.per_tet import parted, values_of
+from wsim.scene.values.per_tet import material_fields_with, material_per_tet
 from wsim.usd import names
-from wsim.usd.attributes import author
+from wsim.usd.attributes import author_attribute
 from wsim.usd.prims.painted import ELEMENTS
 from wsim.usd.prims.pins import FRAME
 from wsim.usd.prims.springs import author_muscles
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 from wsim.usd.transforms import author_motion
 
 
 def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], bodies: dict[str, Any]) -> None:
     """Adds fields (prim path, name, values (n,) or (n, 3)) to the layer that `save_fitted` writes. bodies: bodies and pins of
     the fitted scene by path."""
-    units = Units.of(stage)
+    units = StageUnits.of(stage)
     for where, name, values in fields:
         prim, thing = stage.GetPrimAtPath(where), bodies[where]
         if name in names.PER_TET or name in names.PER_ELEMENT:
@@ -40,27 +40,27 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
             primvar.Set(Vt.DoubleArray.FromNumpy(values / units.factor((names.PER_TET | names.PER_ELEMENT)[name])))
         elif name == "velocities":
             owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
-            author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
+            author_attribute(prim, owner, name, _field_at_vertices(prim, thing.velocities), units)
         elif name == "rest_shape":
-            author(prim, "Cloth" if isinstance(thing, Cloth) else "Soft", "rest_points", thing.rest_points, units)
+            author_attribute(prim, "Cloth" if isinstance(thing, Cloth) else "Soft", "rest_points", thing.rest_points, units)
         elif name == "lengths":
-            author(prim, "Springs", "lengths", thing.lengths, units)
+            author_attribute(prim, "Springs", "lengths", thing.lengths, units)
         elif name == "actuation":
             author_muscles(prim, thing, units)
         elif isinstance(thing, Collider):
-            _lead(prim, thing, units)
+            _author_collider_motion(prim, thing, units)
         elif name == "motion":
-            _move(stage, prim, thing, units)
+            _author_pin_motion(stage, prim, thing, units)
 
 
-def _at_vertices(prim: Usd.Prim, values: np.ndarray) -> np.ndarray:
+def _field_at_vertices(prim: Usd.Prim, values: np.ndarray) -> np.ndarray:
     """Of the vertices of curves, where a net has several for a particle."""
-    from wsim.usd.result.samples import particles_of
-    own = particles_of(prim)
+    from wsim.usd.result.samples import particle_of_each_vertex
+    own = particle_of_each_vertex(prim)
     return values if own is None else values[own]
 
 
-def _move(stage: Usd.Stage, prim: Usd.Prim, pin: Pin, units: Units) -> None:
+def _author_pin_motion(stage: Usd.Stage, prim: Usd.Prim, pin: Pin, units: StageUnits) -> None:
     """What a pin hangs on moves; where that is nothing, an Xform below the pin."""
     target = pin.target or f"{pin.path}/{FRAME}"
     author_motion(stage.GetPrimAtPath(target) or UsdGeom.Xform.Define(stage, target).GetPrim(), pin.motion, units, 0)
@@ -68,7 +68,7 @@ def _move(stage: Usd.Stage, prim: Usd.Prim, pin: Pin, units: Units) -> None:
         prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
 
 
-def _lead(prim: Usd.Prim, collider: Collider, units: Units) -> None:
+def _author_collider_motion(prim: Usd.Prim, collider: Collider, units: StageUnits) -> None:
     """A collider's motion, with what of its transform is no motion of the shape (scale, axis): at the start both are known."""
     W = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(units.start)), np.float64).T
     W[:3, 3] *= units.metres
@@ -77,7 +77,7 @@ def _lead(prim: Usd.Prim, collider: Collider, units: Units) -> None:
     author_motion(prim, then(collider.motion, own), units, 0)
 
 
-def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
+def load_fields(reading: StageReading, mesh: Usd.Prim, soft: Soft) -> Soft:
     """The soft body with what primvars say of each tet. What is of another size, or out of range, is reported and left out."""
     for name, unit in names.PER_TET.items():
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(f"wsim:{name}")
@@ -97,9 +97,9 @@ def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
             continue
         try:
             for value in (values.min(), values.max()):
-                Bulk(**values_of(name, value))
+                Bulk(**material_fields_with(name, value))
         except ValueError as error:
             reading.warn(mesh.GetPath(), f"{primvar.GetName()}: {error}; it is left out")
             continue
-        soft = parted(soft, name, values)
+        soft = material_per_tet(soft, name, values)
     return soft

@@ -14,28 +14,35 @@ from pxr import Sdf, Usd
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.fabric import Fabric
-from wsim.scene.methods import every
+from wsim.scene.methods import each_method_object
 from wsim.scene.solid import Bulk
 from wsim.scene.values import table
 from wsim.scene.values.table import FRICTION
 from wsim.usd import names
-from wsim.usd.attributes import author, authored
-from wsim.usd.prims.colliders import surface
-from wsim.usd.prims.fabric import author_fabric, author_friction, bind, bound, plane_stress
-from wsim.usd.prims.loads import author_values
+from wsim.usd.attributes import author_attribute, is_authored
+from wsim.usd.prims.colliders import surface_values
+from wsim.usd.prims.fabric import (
+    author_fabric,
+    author_friction,
+    bind_physics_material,
+    bound_physics_material,
+    plane_stress_conversion,
+)
+from wsim.usd.prims.loads import author_load_curve
 from wsim.usd.prims.solid import author_bulk
 from wsim.usd.result.as_json import as_json
-from wsim.usd.result.sublayer import choose, put_over, refuse_source
+from wsim.usd.result.sublayer import refuse_source, set_source_sublayer, write_variant_selections
 from wsim.usd.settings import author_gravity
-from wsim.usd.stage import Reading, Units, open_stage
+from wsim.usd.stage import StageReading, StageUnits, open_stage
 from wsim.usd.write import new_stage
 
 SCOPE, SAID = "/fitted", "wsim:fit"
 
 
-def plain(owner: str) -> list[str]:
+def fitted_prim_fields(owner: str) -> list[str]:
     """Fields of a class that a fit finds and its prim says itself, not a material."""
-    return [row.name for row in table.of(owner).values() if row.fit and row.usd and row.usd.schema not in table.MATERIALS]
+    return [row.name for row in table.values_of_class(owner).values() if row.fit and row.usd
+            and row.usd.schema not in table.MATERIALS]
 
 
 def check_target(scene: Scene, path: str) -> None:
@@ -58,28 +65,28 @@ def save_fitted(before: Scene, after: Scene, path, said: dict | None = None,
     check_target(before, path)
     with new_stage(path) as stage:
         source = os.path.abspath(str(before.source))
-        put_over(source, stage.GetRootLayer(), os.path.dirname(os.path.abspath(os.fspath(path))))
+        set_source_sublayer(source, stage.GetRootLayer(), os.path.dirname(os.path.abspath(os.fspath(path))))
         original = open_stage(source)
         if original.HasAuthoredTimeCodeRange():
             stage.SetStartTimeCode(original.GetStartTimeCode())
             stage.SetEndTimeCode(original.GetEndTimeCode())
-        choose(stage, before.variants)
-        units = Units.of(stage)
-        _scene(stage, before, after, units)
-        _bodies(stage, before, after, units)
-        for (_, old), (_, new) in zip(every(before), every(after), strict=True):
-            _plain(stage.GetPrimAtPath(new.path), old, new, [], units)
+        write_variant_selections(stage, before.variants)
+        units = StageUnits.of(stage)
+        _author_fitted_scene(stage, before, after, units)
+        _author_fitted_bodies(stage, before, after, units)
+        for (_, old), (_, new) in zip(each_method_object(before), each_method_object(after), strict=True):
+            _author_changed_fields(stage.GetPrimAtPath(new.path), old, new, [], units)
         for old, new in zip(before.loads, after.loads, strict=True):
             if old != new:
-                author_values(_reached(stage.GetPrimAtPath(new.path)), new, units)
+                author_load_curve(_refuse_instance_proxy(stage.GetPrimAtPath(new.path)), new, units)
         if more:
             more(stage)
         if said:
             stage.GetRootLayer().customLayerData = {SAID: as_json(said)}
 
 
-def _scene(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
-    own = plain("Scene")
+def _author_fitted_scene(stage: Usd.Stage, before: Scene, after: Scene, units: StageUnits) -> None:
+    own = fitted_prim_fields("Scene")
     changed = [name for name in ("gravity", *own) if getattr(before, name) != getattr(after, name)]
     if not changed:
         return
@@ -90,72 +97,72 @@ def _scene(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
     if set(changed) & set(own):
         prim.AddAppliedSchema(names.WSIM_SCENE)
     for name in set(changed) & set(own):
-        author(prim, "Scene", name, getattr(after, name), units)
+        author_attribute(prim, "Scene", name, getattr(after, name), units)
 
 
-def _bodies(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
-    reading = Reading(stage, units)
+def _author_fitted_bodies(stage: Usd.Stage, before: Scene, after: Scene, units: StageUnits) -> None:
+    reading = StageReading(stage, units)
     changed: list[tuple[Usd.Prim, Any, Any]] = []
     users: dict[str, list] = {}                                  # bodies of each material
     for old, new in zip(before.bodies(), after.bodies(), strict=True):
         prim = stage.GetPrimAtPath(old.path)
         if isinstance(new, (Cloth, Soft)):
-            material = bound(reading, prim)
+            material = bound_physics_material(reading, prim)
             users.setdefault(str(material.GetPath()) if material else "", []).append(new.material)
-        _plain(prim, old, new, ["masses"] * isinstance(new, Springs), units)
+        _author_changed_fields(prim, old, new, ["masses"] * isinstance(new, Springs), units)
         if isinstance(old, (Cloth, Soft)) and isinstance(new, (Cloth, Soft)) and old.material != new.material:
             changed.append((prim, old.material, new.material))
     for own, given in zip(before.colliders, after.colliders, strict=True):
         prim = stage.GetPrimAtPath(own.path)
-        material = bound(reading, prim)
-        users.setdefault(str(material.GetPath()) if material else "", []).append(surface(given))
-        if surface(own) != surface(given):
-            changed.append((prim, surface(own), surface(given)))
+        material = bound_physics_material(reading, prim)
+        users.setdefault(str(material.GetPath()) if material else "", []).append(surface_values(given))
+        if surface_values(own) != surface_values(given):
+            changed.append((prim, surface_values(own), surface_values(given)))
     for prim, was, is_ in changed:
-        material = bound(reading, prim)
+        material = bound_physics_material(reading, prim)
         if material and len(set(users[str(material.GetPath())])) == 1 and not material.IsInstanceProxy():
-            _over(material, was, is_, units)
+            _author_material_changes(material, was, is_, units)
         else:
-            path = _free(stage, prim.GetName())
+            path = _free_material_path(stage, prim.GetName())
             makers: dict[type, Callable] = {Fabric: author_fabric, Bulk: author_bulk, tuple: author_friction}
-            bind(_reached(prim), makers[type(is_)](stage, path, is_, units))
+            bind_physics_material(_refuse_instance_proxy(prim), makers[type(is_)](stage, path, is_, units))
         if isinstance(is_, (Fabric, Bulk)) and was.density != is_.density:
             for owner in (prim, prim.GetParent()):
-                if authored(owner, "Body", "density"):
-                    author(_reached(owner), "Body", "density", is_.density, units)
+                if is_authored(owner, "Body", "density"):
+                    author_attribute(_refuse_instance_proxy(owner), "Body", "density", is_.density, units)
 
 
-def _plain(prim: Usd.Prim, old, new, more: list[str], units: Units) -> None:
+def _author_changed_fields(prim: Usd.Prim, old, new, more: list[str], units: StageUnits) -> None:
     """What of an object its prim says itself and has changed; more: beside values."""
     owner = type(new).__name__
-    for name in (*plain(owner), *more):
+    for name in (*fitted_prim_fields(owner), *more):
         if not np.array_equal(getattr(old, name), getattr(new, name)):
-            author(_reached(prim), owner, name, getattr(new, name), units)
+            author_attribute(_refuse_instance_proxy(prim), owner, name, getattr(new, name), units)
 
 
-def _over(material: Usd.Prim, was, is_, units: Units) -> None:
+def _author_material_changes(material: Usd.Prim, was, is_, units: StageUnits) -> None:
     """Opinions on a material for the fields that differ; of a collider's: friction and restitution."""
     if isinstance(is_, tuple):
         for field, value in zip((*FRICTION, "restitution"), is_, strict=False):
-            author(material, "Friction", field, value, units)
+            author_attribute(material, "Friction", field, value, units)
         return
     owner = type(is_).__name__
     changed = {f.name for f in fields(is_) if getattr(was, f.name) != getattr(is_, f.name)}
     if owner == "Fabric" and "poisson" in changed:           # what a file says of these, or leaves out, may follow it
         changed |= {"stretch", "shear", "bend"}
     for name in (f.name for f in fields(is_) if f.name in changed):
-        through = plane_stress(is_.poisson) if (owner, name) == ("Fabric", "stretch") else None
-        author(material, owner, name, getattr(is_, name), units, through)
+        through = plane_stress_conversion(is_.poisson) if (owner, name) == ("Fabric", "stretch") else None
+        author_attribute(material, owner, name, getattr(is_, name), units, through)
 
 
-def _reached(prim: Usd.Prim) -> Usd.Prim:
+def _refuse_instance_proxy(prim: Usd.Prim) -> Usd.Prim:
     if prim.IsInstanceProxy():
         raise SceneError(Problem(str(prim.GetPath()), "is inside an instance, over which no layer can write; make its instance "
                                  "uninstanceable, or fit a scene without it"))
     return prim
 
 
-def _free(stage: Usd.Stage, name: str) -> str:
+def _free_material_path(stage: Usd.Stage, name: str) -> str:
     path, k = f"{SCOPE}/{name}", 0
     while stage.GetPrimAtPath(Sdf.Path(path)):
         k += 1

@@ -23,7 +23,7 @@ FAR = 1 << 40                              # byte that Windows locks: others may
 TRIES = 100                                # each fails only if the file before it was removed just then
 
 
-class Lock:
+class OutputLock:
     """Taken when made. `release` frees it; so does the end of the process.
 
     path    of the lock file           output    of what is written, for messages
@@ -34,7 +34,7 @@ class Lock:
     def __init__(self, path: str, output: str):
         self.path, self.output = path, output
         try:
-            self.file: int | None = self._taken()
+            self.file: int | None = self._open_locked_file()
         except (BlockingIOError, FileExistsError):
             raise
         except OSError as error:
@@ -46,7 +46,7 @@ class Lock:
         os.lseek(self.file, 0, os.SEEK_SET)
         os.write(self.file, json.dumps(said).encode())
 
-    def _taken(self) -> int:
+    def _open_locked_file(self) -> int:
         """The file, locked, and still the one at the path."""
         for _ in range(TRIES):
             try:
@@ -54,11 +54,11 @@ class Lock:
                                | getattr(os, "O_CLOEXEC", 0), 0o666)
             except OSError as error:
                 if error.errno in (errno.ELOOP, errno.EISDIR):
-                    raise self._foreign() from None
+                    raise self._foreign_lock_error() from None
                 raise
             try:
                 self._take(file)
-                if _same(file, self.path):
+                if _is_file_at_path(file, self.path):
                     return file
             except BaseException:
                 os.close(file)
@@ -69,15 +69,15 @@ class Lock:
     def _take(self, file: int) -> None:
         """Locks an open file. Raises as the class says."""
         text = os.read(file, 4096)
-        said = _read(text)
+        said = _parse_lock_file(text)
         if not stat.S_ISREG(os.fstat(file).st_mode) or (text and said is None):
-            raise self._foreign()
+            raise self._foreign_lock_error()
         try:
             _system_lock(file)
         except OSError as error:
             if error.errno in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
                 raise self._held(said) from None
-            if said and _lives(said):                     # a file system without locks
+            if said and _is_process_alive(said):          # a file system without locks
                 raise self._held(said, f"; if there is no such run any more, remove {self.path}") from None
 
     def _held(self, said: dict | None, more: str = "") -> BlockingIOError:
@@ -86,14 +86,14 @@ class Lock:
         return BlockingIOError(f"{self.output} is being written by another run: {who}{mine}. Wait until it ends, or choose "
                                f"another output{more}")
 
-    def _foreign(self) -> FileExistsError:
+    def _foreign_lock_error(self) -> FileExistsError:
         return FileExistsError(f"{self.path} is in the way: a lock is kept under that name while {self.output} is written, and "
                                "wsim did not make this file. Move it away, or choose another output")
 
     def release(self) -> None:
         if self.file is None:
             return
-        mine = self.pid == os.getpid() and _same(self.file, self.path)     # not in a child that was forked
+        mine = self.pid == os.getpid() and _is_file_at_path(self.file, self.path)  # not in a child that was forked
         if not fcntl:                                                      # Windows removes no open file
             os.close(self.file)
         with suppress(OSError):
@@ -119,7 +119,7 @@ def _system_lock(file: int) -> None:
     os.lseek(file, 0, os.SEEK_SET)
 
 
-def _read(text: bytes) -> dict | None:
+def _parse_lock_file(text: bytes) -> dict | None:
     """What a lock file says; None if it is none."""
     try:
         said = json.loads(text)
@@ -128,7 +128,7 @@ def _read(text: bytes) -> dict | None:
         return None
 
 
-def _lives(said: dict) -> bool:
+def _is_process_alive(said: dict) -> bool:
     """Whether the process that a lock names may still run."""
     if said["host"] != socket.gethostname() or os.name == "nt":
         return True
@@ -141,7 +141,7 @@ def _lives(said: dict) -> bool:
     return True
 
 
-def _same(file: int, path: str) -> bool:
+def _is_file_at_path(file: int, path: str) -> bool:
     """Whether an open file is the one at a path."""
     try:
         return os.path.samestat(os.fstat(file), os.stat(path, follow_symlinks=False))

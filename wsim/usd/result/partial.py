@@ -21,8 +21,8 @@ from wsim.usd import clips
 from wsim.usd.result import atomic, crate
 from wsim.usd.result.kinds import beside
 from wsim.usd.result.kinds.siblings import ENDINGS
-from wsim.usd.result.lock import Lock
-from wsim.usd.stage import reason
+from wsim.usd.result.lock import OutputLock
+from wsim.usd.stage import usd_error_text
 
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 SHARE = 0.05           # of the wall time may go into saving; 0 saves only at the end, 1 after every frame
@@ -33,7 +33,7 @@ def partial_path(path: str) -> str:
     return os.path.splitext(path)[0] + crate.PARTIAL
 
 
-def refuse_control(path: str) -> None:
+def refuse_control_characters(path: str) -> None:
     """Raises ValueError for a path that no layer can name."""
     if control := CONTROL.search(path):
         raise ValueError(f"{path!r} has the control character {control[0]!r}, which no path of USD may have; "
@@ -47,7 +47,7 @@ def check_output(path: str) -> str:
     if str(path).endswith(crate.PARTIAL):
         raise ValueError(f"{path}: names in {crate.PARTIAL} are kept for results that are not whole; choose another")
     path = os.path.abspath(path)
-    refuse_control(path)
+    refuse_control_characters(path)
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         raise FileNotFoundError(f"{path}: the folder {folder} is not there; make it, or write elsewhere")
@@ -60,7 +60,7 @@ def check_output(path: str) -> str:
 
 # What an earlier run left. All of it is for who holds the lock.
 
-def recover(path: str) -> str | None:
+def recover_partial_result(path: str) -> str | None:
     """Puts aside what an earlier run left of the result `path`; returns the file with its frames, None if there is none.
 
     That file is a complete result layer (`NAME.recovered.usdc`): it can be viewed, and a run can be restarted from it.
@@ -70,17 +70,17 @@ def recover(path: str) -> str | None:
     there = os.path.lexists(partial)
     if there:
         _refuse_link(partial)
-    crate.put_index_back(partial)
+    crate.undo_unfinished_save(partial)
     if there:
         _refuse_foreign(partial)
-    for left in (*atomic.leftovers(partial), *atomic.leftovers(partial + crate.INDEX)):
+    for left in (*atomic.leftover_drafts(partial), *atomic.leftover_drafts(partial + crate.INDEX)):
         left.unlink(missing_ok=True)
     if not there:
         return None
     if not Sdf.Layer.OpenAsAnonymous(partial).ListAllTimeSamples():
-        files = beside.of(partial, path)
+        files = beside.owned_result_folder(partial, path)
         os.remove(partial)
-        beside.remove(path, files)
+        beside.remove_result_folder(path, files)
         return None
     stem, k = os.path.splitext(path)[0], 1
     while os.path.lexists(kept := f"{stem}.recovered{'' if k == 1 else k}.usdc"):
@@ -92,25 +92,25 @@ def recover(path: str) -> str | None:
 def _refuse_link(path: str) -> None:
     found = os.lstat(path)
     if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-        raise _in_the_way(path, "it is a link, or no plain file")
+        raise _foreign_file_error(path, "it is a link, or no plain file")
 
 
 def _refuse_foreign(path: str) -> None:
     try:
-        if crate.made(Sdf.Layer.OpenAsAnonymous(path)):
+        if crate.is_wsim_result(Sdf.Layer.OpenAsAnonymous(path)):
             return
         why = "wsim did not make it"
     except Tf.ErrorException as error:
-        why = reason(error)
-    raise _in_the_way(path, why)
+        why = usd_error_text(error)
+    raise _foreign_file_error(path, why)
 
 
-def _in_the_way(path: str, why: str) -> FileExistsError:
+def _foreign_file_error(path: str, why: str) -> FileExistsError:
     return FileExistsError(f"{path} is in the way: a result is written under that name until it is whole, and this file is "
                            f"not of a run ({why}). Move it away, or choose another output")
 
 
-class Partial:
+class PartialFile:
     """The growing file. `layer` takes the opinions; `save` keeps them; `finish` gives the file its name, `leave` leaves it,
     `discard` removes it.
 
@@ -127,13 +127,13 @@ class Partial:
         self.good = True                  # the file on the disk and the layer hold the same or the layer holds more
         self.recovered: str | None = None
         self.put_back = False             # by `discard`: the partial file is that of the earlier run again
-        self.beside = beside.Beside(path)
-        self.lock = Lock(self.path + crate.LOCK, path)
+        self.beside = beside.SidecarFiles(path)
+        self.lock = OutputLock(self.path + crate.LOCK, path)
         try:
             if Sdf.Layer.Find(self.path):
                 raise OSError(f"{self.path} is open in this process; close its stage first")
-            self.recovered = recover(path)
-            self.layer: Any = _created(self.path, self.beside.folder)
+            self.recovered = recover_partial_result(path)
+            self.layer: Any = _create_crate_layer(self.path, self.beside.folder)
         except BaseException:
             self.discard()
             raise
@@ -146,15 +146,15 @@ class Partial:
         """Saves the layer: what it holds is on the disk when this returns, whatever kills the process later."""
         began = perf_counter()
         try:
-            crate.keep_index(self.path)
+            crate.copy_crate_index(self.path)
             if not self.layer.Save():
                 raise OSError("USD refused to save it")
             with suppress(FileNotFoundError):
                 os.remove(self.path + crate.INDEX)
         except (Tf.ErrorException, OSError) as error:
             self.good = False
-            crate.put_index_back(self.path)
-            raise _failure(self.path, error, "; the frames saved so far are in that file") from None
+            crate.undo_unfinished_save(self.path)
+            raise _write_error(self.path, error, "; the frames saved so far are in that file") from None
         self.beside.saved()
         self.saved = perf_counter()
         self.cost = self.saved - began
@@ -166,31 +166,32 @@ class Partial:
         The caller must have let go of every stage and prim of the layer.
         """
         if as_clips:
-            flat = clips.split(self.layer, self.final)
+            flat = clips.split_into_clips(self.layer, self.final)
         if flat is None and self.final.endswith(".usda"):
             flat = self.layer
-        before = beside.of(self.final, self.final)
+        before = beside.owned_result_folder(self.final, self.final)
         if flat is None:
             self.layer = None
             os.replace(self.path, self.final)
         else:
-            self._export(flat)
+            self._export_final_file(flat)
             self.layer = None
             os.remove(self.path)
-        beside.remove(self.final, before)
-        clips.tidy(self.final)
+        beside.remove_result_folder(self.final, before)
+        clips.remove_stale_clips(self.final)
         self.lock.release()
         stale = Sdf.Layer.Find(self.final)
         if stale:
             stale.Reload(True)
 
-    def _export(self, layer) -> None:
+    def _export_final_file(self, layer) -> None:
         try:
-            with atomic.replacing(self.final, ".usda" if self.final.endswith(".usda") else ".usdc", self.path) as whole:
+            with atomic.replace_file_atomically(self.final, ".usda" if self.final.endswith(".usda") else ".usdc",
+                                                self.path) as whole:
                 if not layer.Export(str(whole)):
                     raise OSError("USD refused to write it")
         except (Tf.ErrorException, OSError) as error:
-            raise _failure(self.final, error, f"; the frames are kept in {self.path}") from None
+            raise _write_error(self.final, error, f"; the frames are kept in {self.path}") from None
 
     def leave(self) -> None:
         """Ends with the file as it was saved last, under its partial name."""
@@ -212,22 +213,22 @@ class Partial:
         self.lock.release()
 
 
-def _created(path: str, files: str) -> Any:
+def _create_crate_layer(path: str, files: str) -> Any:
     """A new crate layer that says whose it is, and where its files are, from its first byte on."""
     try:
-        with atomic.replacing(path) as temporary:
+        with atomic.replace_file_atomically(path) as temporary:
             layer = Sdf.Layer.CreateAnonymous(".usdc")
             layer.customLayerData = {crate.MADE: True, beside.KEY: files}
             if not layer.Export(str(temporary)):
                 raise OSError("USD refused to write it")
         return Sdf.Layer.FindOrOpen(path)
     except (Tf.ErrorException, OSError) as error:
-        raise _failure(path, error) from None
+        raise _write_error(path, error) from None
 
 
-def _failure(path: str, error: Exception, more: str = "") -> OSError:
+def _write_error(path: str, error: Exception, more: str = "") -> OSError:
     """A write error in one line: the cause that the system named, without USD's call stack."""
-    text = reason(error)
+    text = usd_error_text(error)
     for cause in ("No space left on device", "File too large", "Permission denied", "Read-only file system",
                   "Disk quota exceeded", "Input/output error"):
         if cause in str(error):

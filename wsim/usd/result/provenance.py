@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.methods import every
+from wsim.scene.methods import each_method_object
 
 KEY, SHOWN = "wsim:run", "wsim"                                   # for a run that goes on, for people
 START = {"velocities", "start", "frames"}                         # where a run begins and ends
@@ -31,15 +31,15 @@ LISTS = ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")
 MESH = {Cloth: ("counts", "indices", "weld"), Springs: ("edges",), Soft: ("tets", "quadratic")}    # other points stand there
 
 
-def digest(value) -> str:
+def content_digest(value) -> str:
     """Sixteen hexadecimal digits of a value: numbers, text, arrays (with type and shape), dataclasses and lists of such."""
     state = hashlib.blake2b(digest_size=8)
-    for part in _parts(value):
+    for part in _digest_parts(value):
         state.update(part)
     return state.hexdigest()
 
 
-def _parts(value) -> Iterator[bytes]:
+def _digest_parts(value) -> Iterator[bytes]:
     if isinstance(value, np.ndarray):
         yield f"{value.dtype}{value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
@@ -47,41 +47,42 @@ def _parts(value) -> Iterator[bytes]:
         for f in fields(value):
             if f.name not in SEEN - {"path"}:
                 yield f.name.encode()
-                yield from _parts(getattr(value, f.name) if f.compare else _default(f))      # what is only kept is as if new
+                # what is only kept is as if new
+                yield from _digest_parts(getattr(value, f.name) if f.compare else _dataclass_default(f))
     elif isinstance(value, (list, tuple)):
         yield f"[{len(value)}".encode()
         for each in value:
-            yield from _parts(each)
+            yield from _digest_parts(each)
     else:
         yield repr(value.item() if hasattr(value, "item") else value).encode() + b";"
 
 
-def _default(f: Field) -> Any:
+def _dataclass_default(f: Field) -> Any:
     """Of a field that has one; MISSING of others."""
     return f.default if f.default_factory is MISSING else f.default_factory()
 
 
-def of_scene(scene: Scene) -> dict[str, dict[str, str]]:
+def scene_digests(scene: Scene) -> dict[str, dict[str, str]]:
     """Digests of the fields that decide the motion, by path; the scene's own at "/"."""
     left = SEEN | START | SETTINGS | {*LISTS, "others"}
-    found = {"/": {f.name: digest(getattr(scene, f.name)) for f in fields(scene) if f.name not in left}}
-    for thing in (*(t for name in LISTS for t in getattr(scene, name)), *(t for _, t in every(scene))):
+    found = {"/": {f.name: content_digest(getattr(scene, f.name)) for f in fields(scene) if f.name not in left}}
+    for thing in (*(t for name in LISTS for t in getattr(scene, name)), *(t for _, t in each_method_object(scene))):
         skipped = SEEN | START | ({"points"} if getattr(thing, "rest_points", None) is not None else set())
-        found[thing.path] = {f.name: digest(getattr(thing, f.name)) for f in fields(thing) if f.name not in skipped}
+        found[thing.path] = {f.name: content_digest(getattr(thing, f.name)) for f in fields(thing) if f.name not in skipped}
     return found
 
 
-def write(layer, scene: Scene, settings: Mapping) -> None:
+def write_provenance(layer, scene: Scene, settings: Mapping) -> None:
     """Writes the provenance into a result layer. settings: of the simulation, by name, numbers and text."""
     from wsim import __version__
-    digests = of_scene(scene)
+    digests = scene_digests(scene)
     made = {"version": __version__, "settings": dict(settings), "scene": digests}
-    told = {"version": __version__, "command": command(), "scene": os.path.basename(scene.source or ""),
+    told = {"version": __version__, "command": command_line(), "scene": os.path.basename(scene.source or ""),
             "sceneHash": hashlib.blake2b(json.dumps(digests, sort_keys=True).encode(), digest_size=16).hexdigest()}
     layer.customLayerData = {**layer.customLayerData, KEY: json.dumps(made), SHOWN: told | dict(settings)}
 
 
-def command() -> str:
+def command_line() -> str:
     """The command line of this process, its program by name alone."""
     program = os.path.basename(sys.argv[0] or "python")
     if program == "__main__.py":
@@ -89,8 +90,8 @@ def command() -> str:
     return shlex.join([program, *sys.argv[1:]])
 
 
-def read(layer) -> dict:
-    """Provenance that `write` left in a layer; {} where that is nothing, or not to be read."""
+def read_provenance(layer) -> dict:
+    """Provenance that `write_provenance` left in a layer; {} where that is nothing, or not to be read."""
     try:
         made = json.loads(layer.customLayerData.get(KEY, "{}"))
         whole = all(isinstance(made.get(name, {}), dict) for name in ("settings", "scene"))
@@ -99,7 +100,7 @@ def read(layer) -> dict:
         return {}
 
 
-def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
+def warn_of_scene_changes(path: str, made: Mapping, scene: Scene) -> list[Problem]:
     """Warnings of what of a scene is another than when the result `path` was made.
 
     Raises SceneError where the points of a body are not those of the result: another mesh, another weld.
@@ -107,10 +108,12 @@ def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
     if not made.get("scene"):
         return [Problem(path, "does not say of which scene and with which settings it was made (by an earlier version, or by "
                         "another program); whether they are those of this run can't be known", fatal=False)]
-    then, now = made["scene"], of_scene(scene)
+    then, now = made["scene"], scene_digests(scene)
     bodies = {b.path: MESH[type(b)] for b in scene.bodies()}
-    things = {"/": scene} | {t.path: t for name in LISTS for t in getattr(scene, name)} | {t.path: t for _, t in every(scene)}
-    before = {at: {f.name: digest(_default(f)) for f in fields(things[at])} | then.get(at, {}) for at in now}    # of new fields
+    things = {"/": scene} | {t.path: t for name in LISTS
+                             for t in getattr(scene, name)} | {t.path: t for _, t in each_method_object(scene)}
+    # of new fields
+    before = {at: {f.name: content_digest(_dataclass_default(f)) for f in fields(things[at])} | then.get(at, {}) for at in now}
     changed = {at: [name for name in now[at] if before[at][name] != now[at][name]] for at in now}
     others = {at: [n for n in names if n in changed[at]] for at, names in bodies.items() if at in then}
     meshes = [Problem(at, f"has another mesh than in {path} ({', '.join(names)}); go on with the scene that the result was "
@@ -125,7 +128,7 @@ def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
                     f"{f'; and {len(found) - 8} more' * (len(found) > 8)})", fatal=False)]
 
 
-def differences(made: Mapping, settings: Mapping) -> list[str]:
+def changed_settings(made: Mapping, settings: Mapping) -> list[str]:
     """Text of what of the settings, or of wsim, is another now; of a result that does not say, nothing."""
     from wsim import __version__
     then = made.get("settings", {}) | ({"wsim": made["version"]} if "version" in made else {})

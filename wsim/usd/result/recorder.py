@@ -17,17 +17,16 @@ import numpy as np
 from pxr import Usd, UsdUtils
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.nodal.skin import held
-from wsim.usd.prims.reactions import forces_of
-from wsim.usd.prims.surface import surfaces
-from wsim.usd.result import provenance
-from wsim.usd.result.dependencies import overwritten
-from wsim.usd.result.kinds.places import refused
-from wsim.usd.result.kinds.rows import Sample, taken
-from wsim.usd.result.partial import Partial, check_output, partial_path, refuse_control
-from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
-from wsim.usd.result.samples import BodyOver, ColliderOver
-from wsim.usd.result.sublayer import choose, flattened, put_over, refuse_source, remove_sources, write_source
+from wsim.scene.nodal.skin import embed_all_skins
+from wsim.usd.prims.reactions import reaction_samples_of_pins
+from wsim.usd.prims.surface import soft_body_surfaces
+from wsim.usd.result import provenance, sublayer
+from wsim.usd.result.dependencies import describe_overwrite
+from wsim.usd.result.kinds.places import unwritable_prims
+from wsim.usd.result.kinds.rows import Sample, sample_attribute_values
+from wsim.usd.result.partial import PartialFile, check_output, partial_path, refuse_control_characters
+from wsim.usd.result.restart import RestartState, check_fields, copy_samples, is_whole_frame_code, store_restart_fields
+from wsim.usd.result.samples import BodyWriter, ColliderWriter
 from wsim.usd.stage import open_stage
 
 Arrays = Mapping[str, np.ndarray]
@@ -42,11 +41,11 @@ def check_result(scene: Scene, path: str, restart: str | None = None) -> None:
     """
     path = check_output(path)
     if scene.source:
-        refuse_control(os.path.abspath(scene.source))
+        refuse_control_characters(os.path.abspath(scene.source))
     for target in (path, partial_path(path)):
         if scene.source:
-            refuse_source(scene.source, target)
-        if restart and overwritten(target, restart) not in ("", "itself"):
+            sublayer.refuse_source(scene.source, target)
+        if restart and describe_overwrite(target, restart) not in ("", "itself"):
             raise ValueError(f"{target} is a file that {restart} depends on, from which the run goes on. Choose another output")
 
 
@@ -58,7 +57,7 @@ class Recorder:
     velocities         write them (motion blur, restart); False blocks those of the source
     normals            let authored normals follow; False blocks them, viewers then compute their own
     restart_fields     called after each whole frame: {body path: {name: array}} for an exact restart
-    continues          the `Restart` that the run went on from: its earlier samples come first
+    continues          the `RestartState` that the run went on from: its earlier samples come first
     settings           called at each save: precision, solver ... of the run, for who goes on from it
 
     A scene without a source file is written beside the result first (NAME_scene.usda). `notes` collects warnings.
@@ -67,7 +66,7 @@ class Recorder:
     """
 
     def __init__(self, scene: Scene, path, *, flatten: bool = False, velocities: bool = True, normals: bool = True,
-                 restart_fields: Callable[[], Mapping[str, Arrays]] | None = None, continues: Restart | None = None,
+                 restart_fields: Callable[[], Mapping[str, Arrays]] | None = None, continues: RestartState | None = None,
                  settings: Callable[[], Mapping] = dict):
         self.scene, self.path, self.flatten = scene, check_output(path), flatten
         self.restart_fields, self.continues, self.settings = restart_fields, continues, settings
@@ -81,13 +80,13 @@ class Recorder:
         self.result: str | None = None        # the finished file
         self.kept: str | None = None          # the unfinished one that stays
         check_result(scene, self.path, continues.path if continues else None)
-        self.file, self.closed = Partial(self.path), False
+        self.file, self.closed = PartialFile(self.path), False
         try:
             self._note_recovered()
             self._choose_source()
             self._open(velocities, normals)
         except BaseException:
-            self._drop()
+            self._drop_result_files()
             raise
 
     # opening
@@ -104,31 +103,32 @@ class Recorder:
         if self.scene.source:
             self.source = os.path.abspath(self.scene.source)
         else:
-            self.source, new = write_source(self.scene, self.path)
+            self.source, new = sublayer.write_source(self.scene, self.path)
             self.made = self.source if new else None
 
     def _open(self, velocities: bool, normals: bool) -> None:
         layer = self.file.layer
         delegate = UsdUtils.CoalescingDiagnosticDelegate()     # the loader has reported what does not compose
-        put_over(self.source, layer, os.path.dirname(self.path))
+        sublayer.set_source_sublayer(self.source, layer, os.path.dirname(self.path))
         self.stage: Any = Usd.Stage.Open(layer)
         delegate.TakeUncoalescedDiagnostics()
         self.stage.SetEditTarget(layer)
-        choose(self.stage, self.scene.variants)
-        if problems := refused(self.stage, self.scene):
+        sublayer.write_variant_selections(self.stage, self.scene.variants)
+        if problems := unwritable_prims(self.stage, self.scene):
             raise SceneError(problems)
         self.rate = self.stage.GetTimeCodesPerSecond()
         self.bodies = {b.path: (self.stage.GetPrimAtPath(b.path), len(b.points)) for b in self.scene.bodies()}
-        self.skins = held(self.scene)
-        self.overs = {path: BodyOver(self.stage.GetPrimAtPath(path), velocities=velocities, normals=normals, notes=self.notes)
+        self.skins = embed_all_skins(self.scene)
+        self.overs = {path: BodyWriter(self.stage.GetPrimAtPath(path), velocities=velocities, normals=normals, notes=self.notes)
                       for path in (*self.bodies, *self.skins)}
         if self.continues:
             self.codes += copy_samples(self.continues, self.stage, self.scene, self.file.beside)
-        self.surfaces = surfaces(self.scene, self.bodies, self.codes)
-        self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
+        self.surfaces = soft_body_surfaces(self.scene, self.bodies, self.codes)
+        self.colliders = {c.path: ColliderWriter(self.stage, self._open_source_stage, c, self.codes)
+                          for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
 
-    def _original(self) -> Any:
+    def _open_source_stage(self) -> Any:
         return open_stage(self.source, self.scene.variants)
 
     # writing
@@ -154,13 +154,13 @@ class Recorder:
         """
         code = float(time_code)
         self._check(code, positions, velocities)
-        whole = is_frame(code, self.scene, self.rate)
+        whole = is_whole_frame_code(code, self.scene, self.rate)
         fields = self._checked_fields() if whole else {}
         samples: list[tuple] = []
         try:
-            samples += self._samples(code, positions, velocities, primvars or {})
-            samples += forces_of(self.stage, reactions or {})
-            samples += [pair for each in others for pair in taken(self.stage, each, code, self.file.beside)]
+            samples += self._body_sample_values(code, positions, velocities, primvars or {})
+            samples += reaction_samples_of_pins(self.stage, reactions or {})
+            samples += [pair for each in others for pair in sample_attribute_values(self.stage, each, code, self.file.beside)]
             for path in (poses or {}).keys() & self.colliders.keys():
                 self.colliders[path].write(code, (code - self.scene.start) / self.rate, (poses or {})[path])
             for attribute, value in samples:
@@ -178,9 +178,10 @@ class Recorder:
         if whole:
             self.fields, self.fields_code = fields, code
             if self.file.due():
-                self._save(self.bytes_since_fields >= FIELDS_SHARE * _bytes(self.fields))
+                self._save(self.bytes_since_fields >= FIELDS_SHARE * _restart_byte_count(self.fields))
 
-    def _samples(self, code: float, positions: Arrays, velocities: Arrays | None, primvars: Mapping[str, Arrays]) -> list:
+    def _body_sample_values(self, code: float, positions: Arrays, velocities: Arrays | None,
+                            primvars: Mapping[str, Arrays]) -> list:
         """(attribute, value) of each sample of bodies and skins."""
         found = []
         for path, over in self.overs.items():
@@ -222,11 +223,12 @@ class Recorder:
     def _save(self, with_fields: bool, last: bool = False) -> None:
         if with_fields:
             for path, fields in self.fields.items():
-                store(self.stage.GetPrimAtPath(path), self.fields_code, fields, None if self.flatten else self.file.beside)
+                store_restart_fields(self.stage.GetPrimAtPath(path), self.fields_code, fields,
+                                     None if self.flatten else self.file.beside)
             self.bytes_since_fields = 0
         layer = self.file.layer
         self.file.beside.forget_empty(layer, last)
-        provenance.write(layer, self.scene, self.settings())
+        provenance.write_provenance(layer, self.scene, self.settings())
         layer.startTimeCode = min(layer.startTimeCode, self.codes[0])
         layer.endTimeCode = self.codes[-1]
         self.file.save()
@@ -242,38 +244,38 @@ class Recorder:
         if self.closed:
             return self.result
         if not self.count:
-            self._drop()
+            self._drop_result_files()
             return None
         try:
             self.kept = self.file.path
             if self.file.good:
-                self._end(interrupted)
+                self._finish_result_file(interrupted)
         finally:
             self._let_go()
             self.file.leave()
         return self.result
 
-    def _end(self, interrupted: bool) -> None:
+    def _finish_result_file(self, interrupted: bool) -> None:
         layer = self.file.layer
         if interrupted:
             layer.customLayerData = {**layer.customLayerData, "wsim:interrupted": True}
         self._save(with_fields=True, last=not interrupted)
         if interrupted:
             return
-        flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
+        flat = sublayer.flatten_stage(self.stage, os.path.dirname(self.path)) if self.flatten else None
         layer = None
         self._let_go()
         self.file.finish(flat, self.clips)
         self.result, self.kept = self.path, None
         if not self.scene.source:
-            remove_sources(self.path, None if self.flatten else self.source)
+            sublayer.remove_sources(self.path, None if self.flatten else self.source)
 
     def _let_go(self) -> None:
         """Releases stage and prims, so that the file can be renamed on every system."""
         self.overs, self.skins, self.surfaces, self.colliders, self.bodies = {}, {}, {}, {}, {}
         self.stage, self.closed = None, True
 
-    def _drop(self) -> None:
+    def _drop_result_files(self) -> None:
         """Ends without a result: no file of this recorder stays, and that of an earlier run has its name again."""
         self._let_go()
         self.file.discard()
@@ -288,5 +290,5 @@ class Recorder:
         self.close(interrupted=kind is not None)
 
 
-def _bytes(fields: Mapping[str, Arrays]) -> int:
+def _restart_byte_count(fields: Mapping[str, Arrays]) -> int:
     return sum(value.nbytes for group in fields.values() for value in group.values())

@@ -8,7 +8,7 @@ attributes of the prims:
     T[]    wsim:restart:fields:NAME     one field, bit for bit, flat; its shape is custom data `shape`
     string wsim:restart:file            of a large prim instead: a file with them, see `wsim.usd.result.kinds.sidecar`
 
-Points and velocities alone restart too, to the order of accuracy; `Restart.exact` says which it is.
+Points and velocities alone restart too, to the order of accuracy; `RestartState.exact` says which it is.
 
 A run that goes on writes a new layer that holds the earlier samples too. It cannot sublayer the earlier result: USD
 takes all samples of an attribute from the strongest layer that has one, so that the first new sample would hide every
@@ -25,16 +25,16 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.methods import every
+from wsim.scene.methods import each_method_object
 from wsim.scene.samples import BESIDE
-from wsim.usd.clips import joined
+from wsim.usd.clips import join_clips
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
 from wsim.usd.result.kinds import sidecar
-from wsim.usd.result.kinds.beside import Beside
-from wsim.usd.result.kinds.copies import copied
-from wsim.usd.result.samples import PRIMVARS, Frame, body_prim, particles_of
-from wsim.usd.stage import open_stage, reason
+from wsim.usd.result.kinds.beside import SidecarFiles
+from wsim.usd.result.kinds.copies import copy_earlier_samples
+from wsim.usd.result.samples import PRIMVARS, PrimFrame, body_prim, particle_of_each_vertex
+from wsim.usd.stage import open_stage, usd_error_text
 
 CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
 TYPES = {np.dtype(np.float32): (Sdf.ValueTypeNames.FloatArray, Vt.FloatArray),
@@ -46,7 +46,7 @@ NAME = re.compile(r"[A-Za-z_]\w*\Z")
 
 
 @dataclass
-class Restart:
+class RestartState:
     """The state where an earlier run got to.
 
     frame_time_code   time code of the frame                frame      its number, counted from the scene's start
@@ -68,16 +68,17 @@ class Restart:
     notes: list[Problem] = field(default_factory=list)
 
 
-def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside: Beside | None = None) -> None:
+def store_restart_fields(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray],
+                         beside: SidecarFiles | None = None) -> None:
     """Puts the restart fields of one body over its prim; large ones into a file, where there are files beside the layer."""
     prim.CreateAttribute(CODE, Sdf.ValueTypeNames.Double, True).Set(float(code))
-    if beside and sidecar.large(fields):
+    if beside and sidecar.exceeds_layer_size(fields):
         for attribute in prim.GetAuthoredAttributes():
             if attribute.GetName().startswith(FIELDS):
                 prim.RemoveProperty(attribute.GetName())
-        return sidecar.store(prim, code, fields, beside)
+        return sidecar.store_restart_file(prim, code, fields, beside)
     if beside:
-        sidecar.forget(prim, beside)
+        sidecar.forget_restart_file(prim, beside)
     for name, value in fields.items():
         usd, vt = TYPES[value.dtype]
         attribute = prim.CreateAttribute(FIELDS + name, usd, True)
@@ -87,7 +88,7 @@ def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside:
 
 
 def check_fields(path: str, fields: Mapping[str, np.ndarray]) -> None:
-    """ValueError for what `store` cannot hold."""
+    """ValueError for what `store_restart_fields` cannot hold."""
     for name, value in fields.items():
         if not NAME.match(name):
             raise ValueError(f"restart field {name!r} of {path}: a name has letters, digits and underscores")
@@ -97,20 +98,20 @@ def check_fields(path: str, fields: Mapping[str, np.ndarray]) -> None:
                              "float64 and int32")
 
 
-def stored(prim: Usd.Prim, folder: str) -> tuple[float, dict[str, np.ndarray]]:
-    """(time code, fields) that `store` left on a prim of a layer in `folder`; (nan, {}) if nothing. Raises SceneError for a
-    file of them that is not whole."""
+def read_restart_fields(prim: Usd.Prim, folder: str) -> tuple[float, dict[str, np.ndarray]]:
+    """(time code, fields) that `store_restart_fields` left on a prim of a layer in `folder`; (nan, {}) if nothing. Raises
+    SceneError for a file of them that is not whole."""
     code = prim.GetAttribute(CODE).Get() if prim.HasAttribute(CODE) else None
     if code is not None and not isinstance(code, float):
         raise SceneError(Problem(str(prim.GetPath()), f"{CODE} is {code!r}; allowed is a number; restart from another result"))
-    fields = sidecar.stored(prim, code, folder) if code is not None else {}
+    fields = sidecar.read_restart_file(prim, code, folder) if code is not None else {}
     for attribute in prim.GetAuthoredAttributes():
         if attribute.GetName().startswith(FIELDS):
-            fields[attribute.GetName()[len(FIELDS):]] = _field(attribute)
+            fields[attribute.GetName()[len(FIELDS):]] = _decode_restart_field(attribute)
     return (code, fields) if code is not None else (math.nan, {})
 
 
-def _field(attribute: Usd.Attribute) -> np.ndarray:
+def _decode_restart_field(attribute: Usd.Attribute) -> np.ndarray:
     """One restart field. Raises SceneError where its shape is not that of its numbers."""
     value, shape = attribute.Get(), attribute.GetCustomDataByKey("shape")
     numbers = np.array([] if value is None else value)
@@ -124,7 +125,7 @@ def _field(attribute: Usd.Attribute) -> np.ndarray:
                              "in the shape that custom data `shape` says; restart from another result"))
 
 
-class Result:
+class ResultReader:
     """A result layer (or any stage with sampled points) to read: positions and velocities in SI units, world space.
 
     A result that is being written, or whose run was killed, is read as it was saved last; nothing is written to it.
@@ -144,7 +145,7 @@ class Result:
 
     def time_codes(self, path: str) -> list[float]:
         """Time codes of the samples of a body's points."""
-        return UsdGeom.PointBased(self._prim(path)).GetPointsAttr().GetTimeSamples()
+        return UsdGeom.PointBased(self._point_prim(path)).GetPointsAttr().GetTimeSamples()
 
     def codes(self, path: str) -> list[float]:
         """Time codes of what is sampled on a prim: of points, else of whatever there is on it, below, and on its volume or
@@ -158,26 +159,26 @@ class Result:
 
     def positions(self, path: str, code: float) -> np.ndarray:
         """World positions [m], (n, 3) float64; of a spring net one row a point of its curves."""
-        prim = self._prim(path)
-        return Frame.of(prim, code).world_points(self._local(prim, UsdGeom.PointBased(prim).GetPointsAttr(), code))
+        prim = self._point_prim(path)
+        return PrimFrame.of(prim, code).world_points(self._local_values(prim, UsdGeom.PointBased(prim).GetPointsAttr(), code))
 
     def velocities(self, path: str, code: float) -> np.ndarray | None:
         """World velocities [m/s], as `positions`; None if the result holds none."""
-        prim = self._prim(path)
+        prim = self._point_prim(path)
         base = UsdGeom.PointBased(prim)
         if not base.GetVelocitiesAttr().GetNumTimeSamples():
             return None
-        local = self._local(prim, base.GetPointsAttr(), code)
-        return Frame.of(prim, code).world_velocities(self._local(prim, base.GetVelocitiesAttr(), code), local)
+        local = self._local_values(prim, base.GetPointsAttr(), code)
+        return PrimFrame.of(prim, code).world_velocities(self._local_values(prim, base.GetVelocitiesAttr(), code), local)
 
-    def _prim(self, path: str) -> Usd.Prim:
+    def _point_prim(self, path: str) -> Usd.Prim:
         prim = self.stage.GetPrimAtPath(path)
         if not prim or not prim.IsA(UsdGeom.PointBased):
             raise SceneError(Problem(path, f"is not a prim with points in {self.path}; those with samples are "
                                      f"{', '.join(self.paths()) or 'none'}"))
         return prim
 
-    def _local(self, prim: Usd.Prim, attribute: Usd.Attribute, code: float) -> np.ndarray:
+    def _local_values(self, prim: Usd.Prim, attribute: Usd.Attribute, code: float) -> np.ndarray:
         value = attribute.Get(code)
         if value is None:
             raise SceneError(Problem(str(prim.GetPath()), f"has no {attribute.GetName()} at time code {code:g} in "
@@ -185,33 +186,33 @@ class Result:
         return np.array(value, np.float64)
 
 
-def load_restart(result_path, scene: Scene) -> Restart:
+def load_restart(result_path, scene: Scene) -> RestartState:
     """State where the run that wrote `result_path` got to: its last whole frame, exactly if the restart fields are there.
 
     Raises SceneError if the file cannot be read, runs at another rate, lacks a body of the scene or its samples, or holds
     another mesh under its path. What else of the scene is another than it was is a note.
     """
-    result = Result(result_path)
+    result = ResultReader(result_path)
     if not np.isclose(result.fps, scene.fps):
         raise SceneError(Problem(result.path, f"has {result.fps:g} time codes a second, the scene {scene.fps:g}; "
                                  "restart with the scene that the result was made from"))
     bodies = scene.bodies()
-    others = {path: result.stage.GetPrimAtPath(path) for path in _written(scene)}
+    others = {path: result.stage.GetPrimAtPath(path) for path in _output_paths(scene)}
     if lost := [path for path, prim in others.items() if not prim]:
         raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
     prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies} | others
     frames = _whole_frames(result, scene, list(prims))
-    kept = {path: stored(prim, os.path.dirname(result.path)) for path, prim in prims.items()}
+    kept = {path: read_restart_fields(prim, os.path.dirname(result.path)) for path, prim in prims.items()}
     codes = {code for code, _ in kept.values()} & frames
     exact = all(f and {code} == codes for code, f in kept.values())
     code = codes.pop() if exact else max(frames)
     if lost := [path for path in others if kept[path][0] != code]:
         raise SceneError(Problem(lost[0], f"has no restart fields at frame {round(code - scene.start)} in {result.path}, and "
                                  "nothing else says where it was; restart from one that holds them, or run from the start"))
-    restart = Restart(result.path, code, round(code - scene.start), {}, {},
-                      {path: f for path, (_, f) in kept.items() if exact or path in others}, exact,
-                      provenance.read(result.stage.GetRootLayer()))
-    restart.notes += provenance.match(result.path, restart.made, scene)
+    restart = RestartState(result.path, code, round(code - scene.start), {}, {},
+                           {path: f for path, (_, f) in kept.items() if exact or path in others}, exact,
+                           provenance.read_provenance(result.stage.GetRootLayer()))
+    restart.notes += provenance.warn_of_scene_changes(result.path, restart.made, scene)
     for body in bodies:
         _read_body(result, body, restart)
     if not exact:
@@ -221,23 +222,24 @@ def load_restart(result_path, scene: Scene) -> Restart:
     return restart
 
 
-def _written(scene: Scene) -> list[str]:
+def _output_paths(scene: Scene) -> list[str]:
     """Prims that results hold what methods have of."""
-    found = (getattr(thing, "written", thing.path) for row, thing in every(scene) if type(thing).__name__ not in row.unseen)
+    found = (getattr(thing, "written", thing.path) for row, thing in each_method_object(scene)
+             if type(thing).__name__ not in row.unseen)
     return list(dict.fromkeys(found))
 
 
-def is_frame(code: float, scene: Scene, rate: float) -> bool:
+def is_whole_frame_code(code: float, scene: Scene, rate: float) -> bool:
     """True if a time code is that of a whole frame of the scene; rate in time codes a second."""
     frame = (code - scene.start) * scene.fps / rate
     return abs(frame - round(frame)) < 1e-6
 
 
-def _whole_frames(result: Result, scene: Scene, paths: list[str]) -> set[float]:
+def _whole_frames(result: ResultReader, scene: Scene, paths: list[str]) -> set[float]:
     """Time codes of whole frames that every body has. Raises SceneError if there is none."""
     frames, problems = None, []
     for path in paths:
-        codes = {c for c in result.codes(path) if is_frame(c, scene, result.fps)}
+        codes = {c for c in result.codes(path) if is_whole_frame_code(c, scene, result.fps)}
         if not codes:
             problems.append(Problem(path, f"has no frame in {result.path}; restart from a result of this scene"))
         frames = codes if frames is None else frames & codes
@@ -246,14 +248,14 @@ def _whole_frames(result: Result, scene: Scene, paths: list[str]) -> set[float]:
     return frames
 
 
-def _read_body(result: Result, body: Cloth | Springs | Soft, restart: Restart) -> None:
+def _read_body(result: ResultReader, body: Cloth | Springs | Soft, restart: RestartState) -> None:
     """Positions and velocities of a body into `restart`."""
     path, code = body.path, restart.frame_time_code
     points, rates = result.positions(path, code), result.velocities(path, code)
     if rates is None and not restart.exact:
         raise SceneError(Problem(path, f"has no velocities in {result.path}, and no restart fields; restart from a "
                                  "result that was recorded with velocities"))
-    map_ = particles_of(result.stage.GetPrimAtPath(path))
+    map_ = particle_of_each_vertex(result.stage.GetPrimAtPath(path))
     if map_ is None:
         map_ = np.arange(len(body.points))
     places = np.zeros((len(body.points), 3))
@@ -265,22 +267,22 @@ def _read_body(result: Result, body: Cloth | Springs | Soft, restart: Restart) -
         restart.velocities[path] = speeds
 
 
-def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene, beside: Beside) -> list[float]:
+def copy_samples(restart: RestartState, stage: Usd.Stage, scene: Scene, beside: SidecarFiles) -> list[float]:
     """Copies what the earlier result recorded up to the restart into the stage's edit target, and the files that it names to
     those of this run; returns its time codes.
 
     Of a flattened result only bodies and skins: its other samples are the source's own.
     """
     try:
-        layer = joined(crate.read(restart.path), os.path.dirname(os.path.realpath(restart.path)))
+        layer = join_clips(crate.read_crate_layer(restart.path), os.path.dirname(os.path.realpath(restart.path)))
     except (Tf.ErrorException, OSError) as error:
-        raise SceneError(Problem(restart.path, f"cannot be read any more: {reason(error)}")) from None
+        raise SceneError(Problem(restart.path, f"cannot be read any more: {usd_error_text(error)}")) from None
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
     wanted += [(skin.path, SAMPLED) for soft in scene.softs for skin in soft.skins]
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
-    codes = copied(layer, stage, restart, _written(scene), beside)
+    codes = copy_earlier_samples(layer, stage, restart, _output_paths(scene), beside)
     for path, names in wanted:
         for name in names:
             spec = layer.GetAttributeAtPath(f"{path}.{name}")

@@ -17,19 +17,19 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from wsim.geometry.normals import Normals
+from wsim.geometry.normals import AuthoredNormals
 from wsim.scene import Collider, Problem, SceneError
-from wsim.usd.names import row
-from wsim.usd.stage import Units
+from wsim.usd.names import attribute_entry
+from wsim.usd.stage import StageUnits
 
 STEP = 1.0 / 16.0      # [time codes] of the forward difference
 PRIMVARS = {"vonMises": "Pa", "strain": "1"}      # of soft bodies, where they are asked for: name and unit
 SKELETON = "skel:skeleton"
-PARTICLES = row("Springs", "particles").attribute
+PARTICLES = attribute_entry("Springs", "particles").attribute
 
 
 @dataclass(frozen=True)
-class Frame:
+class PrimFrame:
     """A prim's frame at a time code: L (3, 3), t (3,) in stage units, their rates a second, metres a unit."""
 
     L: np.ndarray
@@ -39,7 +39,7 @@ class Frame:
     unit: float
 
     @staticmethod
-    def of(prim: Usd.Prim, code: float) -> "Frame":
+    def of(prim: Usd.Prim, code: float) -> "PrimFrame":
         """Raises SceneError if the transform flattens space."""
         stage = prim.GetStage()
         M = np.array(UsdGeom.XformCache(Usd.TimeCode(code)).GetLocalToWorldTransform(prim))
@@ -48,10 +48,10 @@ class Frame:
             raise SceneError(Problem(str(prim.GetPath()), f"has a transform without inverse at time code {code:g} (a "
                                      "scale of 0?); points cannot be brought into its frame. Give it another scale"))
         rate = np.zeros((4, 4))
-        if moves(prim):
+        if transform_may_vary(prim):
             later = np.array(UsdGeom.XformCache(Usd.TimeCode(code + STEP)).GetLocalToWorldTransform(prim))
             rate = (later - M) * (stage.GetTimeCodesPerSecond() / STEP)
-        return Frame(M[:3, :3], M[3, :3], rate[:3, :3], rate[3, :3], UsdGeom.GetStageMetersPerUnit(stage))
+        return PrimFrame(M[:3, :3], M[3, :3], rate[:3, :3], rate[3, :3], UsdGeom.GetStageMetersPerUnit(stage))
 
     def points(self, p: np.ndarray) -> np.ndarray:
         """World positions [m] (n, 3) in this frame [units], float64."""
@@ -70,7 +70,7 @@ class Frame:
         return self.unit * (w @ self.L + q @ self.dL + self.dt)
 
 
-def moves(prim: Usd.Prim) -> bool:
+def transform_may_vary(prim: Usd.Prim) -> bool:
     """True if the prim's transform, or one above it, may vary in time."""
     while prim and not prim.IsPseudoRoot():
         xformable = UsdGeom.Xformable(prim)
@@ -82,7 +82,7 @@ def moves(prim: Usd.Prim) -> bool:
     return False
 
 
-def particles_of(prim: Usd.Prim) -> np.ndarray | None:
+def particle_of_each_vertex(prim: Usd.Prim) -> np.ndarray | None:
     """The body's point of each point of the prim, (vertices,); None where they are the same (meshes)."""
     value = prim.GetAttribute(PARTICLES).Get() if prim.HasAttribute(PARTICLES) else None
     return None if value is None else np.array(value, np.int64)
@@ -96,13 +96,13 @@ def body_prim(stage: Usd.Stage, path: str, count: int) -> Usd.Prim:
         raise SceneError(Problem(path, f"is not in {where}; if it was added in Python, write the scene first with "
                                  "wsim.save and load that file"))
     if prim.IsInstanceProxy():
-        raise SceneError(Problem(path, f"is inside the instance {_instances(prim)}, whose contents a layer cannot "
+        raise SceneError(Problem(path, f"is inside the instance {_enclosing_instances(prim)}, whose contents a layer cannot "
                                  "change; set instanceable = false there, or move the body out of it"))
     if not prim.IsA(UsdGeom.PointBased):
         raise SceneError(Problem(path, f"is a {prim.GetTypeName() or 'prim without type'}, which has no points; a body "
                                  "is a Mesh, TetMesh, BasisCurves or other UsdGeom.PointBased"))
-    map_ = particles_of(prim)
-    points = _points_at_rest(prim)
+    map_ = particle_of_each_vertex(prim)
+    points = _default_points(prim)
     found = len(points) if map_ is None else int(map_.max(initial=-1)) + 1
     if map_ is not None and (len(map_) != len(points) or map_.min(initial=0) < 0):
         raise SceneError(Problem(path, f"{PARTICLES} has {len(map_)} entries for {len(points)} points; it names the "
@@ -112,7 +112,7 @@ def body_prim(stage: Usd.Stage, path: str, count: int) -> Usd.Prim:
     return prim
 
 
-def _instances(prim: Usd.Prim) -> str:
+def _enclosing_instances(prim: Usd.Prim) -> str:
     """Paths of all instances around a proxy, outermost first."""
     found = []
     while prim and not prim.IsPseudoRoot():
@@ -122,18 +122,18 @@ def _instances(prim: Usd.Prim) -> str:
     return " and ".join(reversed(found))
 
 
-def _earliest(attribute: Usd.Attribute):
+def _earliest_value(attribute: Usd.Attribute):
     """The default value, or the first sample where there is none."""
     value = attribute.Get()
     return attribute.Get(Usd.TimeCode.EarliestTime()) if value is None else value
 
 
-def _points_at_rest(prim: Usd.Prim) -> np.ndarray:
-    value = _earliest(UsdGeom.PointBased(prim).GetPointsAttr())
+def _default_points(prim: Usd.Prim) -> np.ndarray:
+    value = _earliest_value(UsdGeom.PointBased(prim).GetPointsAttr())
     return np.zeros((0, 3), np.float32) if value is None else np.array(value)
 
 
-class BodyOver:
+class BodyWriter:
     """Samples of one body. The edit target of the prim's stage is the result layer.
 
     Blocked in the result, so that nothing stale of the source moves with the new points: accelerations, velocities and
@@ -141,26 +141,26 @@ class BodyOver:
     """
 
     def __init__(self, prim: Usd.Prim, *, velocities: bool, normals: bool, notes: list[Problem]):
-        self.prim, self.map = prim, particles_of(prim)
+        self.prim, self.map = prim, particle_of_each_vertex(prim)
         base = UsdGeom.PointBased(prim)
         self.points = base.GetPointsAttr()
         self.velocities = base.CreateVelocitiesAttr() if velocities else None
         self.extent = UsdGeom.Boundable(prim).CreateExtentAttr()
         self.padding = _half_width(prim)
-        _block(base.GetAccelerationsAttr())
-        _unbind(prim)
+        _block_attribute(base.GetAccelerationsAttr())
+        _unbind_skeleton(prim)
         if not velocities:
-            _block(base.GetVelocitiesAttr())
+            _block_attribute(base.GetVelocitiesAttr())
         self.normals: Usd.Attribute | None = None
-        self.follow: Normals | None = None
+        self.follow: AuthoredNormals | None = None
         if prim.IsA(UsdGeom.Mesh):
             self._mesh(UsdGeom.Mesh(prim), normals, notes)
         elif prim.IsA(UsdGeom.TetMesh):                    # of its surface; nobody but an old exporter authors them
-            _block(base.GetNormalsAttr())
-            _block(prim.GetAttribute("primvars:normals"))
+            _block_attribute(base.GetNormalsAttr())
+            _block_attribute(prim.GetAttribute("primvars:normals"))
 
     def _mesh(self, mesh: UsdGeom.Mesh, wanted: bool, notes: list[Problem]) -> None:
-        counts = np.array(_earliest(mesh.GetFaceVertexCountsAttr()) or [], np.int64)
+        counts = np.array(_earliest_value(mesh.GetFaceVertexCountsAttr()) or [], np.int64)
         scheme = mesh.GetSubdivisionSchemeAttr()
         if len(counts) and np.all(counts == 3) and scheme.Get() == UsdGeom.Tokens.catmullClark:
             scheme.Set(UsdGeom.Tokens.none)
@@ -169,28 +169,28 @@ class BodyOver:
         if primvar and primvar.HasAuthoredValue():
             attribute, interpolation = primvar.GetAttr(), primvar.GetInterpolation()
             values = primvar.ComputeFlattened(Usd.TimeCode.EarliestTime())
-            _block(plain)
-            _block(primvar.GetIndicesAttr())
+            _block_attribute(plain)
+            _block_attribute(primvar.GetIndicesAttr())
         elif plain.HasAuthoredValue():
-            attribute, interpolation, values = plain, mesh.GetNormalsInterpolation(), _earliest(plain)
+            attribute, interpolation, values = plain, mesh.GetNormalsInterpolation(), _earliest_value(plain)
         else:
             return
         if not wanted:
-            _block(attribute)
+            _block_attribute(attribute)
             return
         try:
-            indices = np.array(_earliest(mesh.GetFaceVertexIndicesAttr()))
+            indices = np.array(_earliest_value(mesh.GetFaceVertexIndicesAttr()))
             values = np.array(values, np.float64).reshape(-1, 3)
-            self.follow = Normals(_points_at_rest(self.prim), counts, indices, values, interpolation)
+            self.follow = AuthoredNormals(_default_points(self.prim), counts, indices, values, interpolation)
             self.normals = attribute
         except ValueError as error:
-            _block(attribute)
+            _block_attribute(attribute)
             notes.append(Problem(str(self.prim.GetPath()), f"{error}; the result has no normals there and viewers "
                                  "compute their own. Mend or remove the normals of the source", fatal=False))
 
     def sample(self, code: float, positions: np.ndarray, velocities: np.ndarray | None) -> list:
         """(attribute, value) of each sample at `code`, not yet set; world positions [m], velocities [m/s] (n, 3)."""
-        frame = Frame.of(self.prim, code)
+        frame = PrimFrame.of(self.prim, code)
         q = frame.points(positions)
         local = self._spread(q)
         bounds = np.stack([local.min(axis=0) - self.padding, local.max(axis=0) + self.padding])
@@ -203,7 +203,7 @@ class BodyOver:
 
     def color(self, values: Mapping[str, np.ndarray]) -> list:
         """(attribute, value) of primvars [SI] by name, (n,) each, not yet set; a name of PRIMVARS, in the stage's unit."""
-        api, units = UsdGeom.PrimvarsAPI(self.prim), Units.of(self.prim.GetStage())
+        api, units = UsdGeom.PrimvarsAPI(self.prim), StageUnits.of(self.prim.GetStage())
         return [(api.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex).GetAttr(),
                  Vt.FloatArray.FromNumpy((value / units.factor(PRIMVARS[name])).astype(np.float32)))
                 for name, value in values.items()]
@@ -212,12 +212,12 @@ class BodyOver:
         return values if self.map is None else values[self.map]
 
 
-def _block(attribute: Usd.Attribute) -> None:
+def _block_attribute(attribute: Usd.Attribute) -> None:
     if attribute and attribute.HasAuthoredValue():
         attribute.Block()
 
 
-def _unbind(prim: Usd.Prim) -> None:
+def _unbind_skeleton(prim: Usd.Prim) -> None:
     """Ends the binding to a skeleton of a prim below a SkelRoot: its points are where they belong, and no viewer may skin
     them once more."""
     above = [prim]
@@ -232,11 +232,11 @@ def _unbind(prim: Usd.Prim) -> None:
 def _half_width(prim: Usd.Prim) -> float:
     """[units] that curves and points reach beyond their centres."""
     schema = next((s(prim) for s in (UsdGeom.Curves, UsdGeom.Points) if prim.IsA(s)), None)
-    widths = _earliest(schema.GetWidthsAttr()) if schema else None
+    widths = _earliest_value(schema.GetWidthsAttr()) if schema else None
     return 0.5 * max(widths) if widths else 0.0
 
 
-class ColliderOver:
+class ColliderWriter:
     """Transform samples of one collider, written only once its pose differs from what the scene's motion says.
 
     A pose is compared with the scene, not with the prim, whose frame may differ (axis, scale): the world is moved by
@@ -263,7 +263,7 @@ class ColliderOver:
             if np.allclose(pose, motion, rtol=1e-9, atol=1e-7):
                 return
             self._begin()
-        self._set(code, D)
+        self._set_collider_sample(code, D)
 
     def _begin(self) -> None:
         path = self.collider.path
@@ -279,9 +279,9 @@ class ColliderOver:
         written = set(self.op.GetTimeSamples())
         for code in self.codes:
             if code not in written:
-                self._set(code, np.eye(4))
+                self._set_collider_sample(code, np.eye(4))
 
-    def _set(self, code: float, D: np.ndarray) -> None:
+    def _set_collider_sample(self, code: float, D: np.ndarray) -> None:
         prim = self.stage.GetPrimAtPath(self.collider.path)
         unit = UsdGeom.GetStageMetersPerUnit(self.stage)
         move = np.array(D.T)

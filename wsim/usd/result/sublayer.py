@@ -11,17 +11,17 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from wsim.scene import Scene
 from wsim.usd.result import atomic
-from wsim.usd.result.dependencies import overwritten
-from wsim.usd.result.kinds.siblings import referred
+from wsim.usd.result.dependencies import describe_overwrite
+from wsim.usd.result.kinds.siblings import is_referenced_by_sibling
 
 METADATA = ("defaultPrim", "framePrecision", "colorConfiguration", "colorManagementSystem", "renderSettingsPrimPath",
             "expressionVariables")
 MADE_FOR = "wsim:madeFor"       # custom data of a scene file that was written for a result
 
 
-def put_over(source: str, layer: Sdf.Layer, folder: str) -> None:
+def set_source_sublayer(source: str, layer: Sdf.Layer, folder: str) -> None:
     """Makes `layer`, to lie in `folder`, a layer over the file `source`."""
-    layer.subLayerPaths.append(relative(source, folder))
+    layer.subLayerPaths.append(relative_usd_path(source, folder))
     root = Sdf.Layer.FindOrOpen(source)
     for key in METADATA:
         if root.pseudoRoot.HasInfo(key):
@@ -35,7 +35,7 @@ def put_over(source: str, layer: Sdf.Layer, folder: str) -> None:
     UsdPhysics.SetStageKilogramsPerUnit(mine, UsdPhysics.GetStageKilogramsPerUnit(stage))
 
 
-def relative(path: str, folder: str) -> str:
+def relative_usd_path(path: str, folder: str) -> str:
     """`path` as seen from `folder`, in USD's spelling; absolute if it lies on another drive."""
     try:
         path = os.path.relpath(path, folder)
@@ -45,7 +45,7 @@ def relative(path: str, folder: str) -> str:
     return path if path.startswith("../") else "./" + path
 
 
-def choose(stage: Usd.Stage, variants: dict[str, dict[str, str]]) -> None:
+def write_variant_selections(stage: Usd.Stage, variants: dict[str, dict[str, str]]) -> None:
     """Writes the variants that a scene was loaded with, {prim path: {variant set: variant}}, outer prims first."""
     for path in sorted(variants):
         for name, variant in variants[path].items():
@@ -54,7 +54,7 @@ def choose(stage: Usd.Stage, variants: dict[str, dict[str, str]]) -> None:
 
 def refuse_source(source: str, path: str) -> None:
     """ValueError if writing `path` would overwrite a file that the scene is made of, in whatever variant."""
-    found = overwritten(path, source)
+    found = describe_overwrite(path, source)
     if found:
         what = "the scene itself" if found == "itself" else "a file that the scene depends on"
         raise ValueError(f"{path} is {what}; a result never overwrites its source. Choose another output")
@@ -68,15 +68,15 @@ def write_source(scene: Scene, path: str) -> tuple[str, bool]:
     """
     from wsim.usd import save
 
-    target = _source(path, 1)
-    if os.path.lexists(target) and not _made_for(target):
+    target = _scene_copy_name(path, 1)
+    if os.path.lexists(target) and not _source_made_for(target):
         raise FileExistsError(f"{target} is in the way: a scene made in Python is written there, beside its result. "
                               "Save the scene yourself (wsim.save) and load that file, or choose another output")
     try:
-        with atomic.draft(target) as draft:
+        with atomic.draft_file(target) as draft:
             save(scene, draft)
             layer = Sdf.Layer.OpenAsAnonymous(str(draft))
-        return _put_source(layer, path)
+        return _place_scene_copy(layer, path)
     except Tf.ErrorException as error:
         raise OSError(f"{target} could not be written: {error}") from None
 
@@ -84,19 +84,20 @@ def write_source(scene: Scene, path: str) -> tuple[str, bool]:
 def copy_source(source: str, result: str, copy: str) -> tuple[str, bool]:
     """A scene of `write_source` for `result` as one of its copy; returns that file, and whether it is new. Any other file is
     returned itself."""
-    if not source.endswith(".usda") or _made_for(source) != os.path.basename(result):
+    if not source.endswith(".usda") or _source_made_for(source) != os.path.basename(result):
         return source, False
     layer, folder = Sdf.Layer.OpenAsAnonymous(source), os.path.dirname(source)
-    UsdUtils.ModifyAssetPaths(layer, lambda path: relative(os.path.normpath(os.path.join(folder, path)), os.path.dirname(copy))
+    UsdUtils.ModifyAssetPaths(layer, lambda path: relative_usd_path(os.path.normpath(os.path.join(folder, path)),
+                                                                    os.path.dirname(copy))
                               if path.startswith(("./", "../")) else path)
-    return _put_source(layer, copy)
+    return _place_scene_copy(layer, copy)
 
 
-def _put_source(layer: Sdf.Layer, path: str) -> tuple[str, bool]:
+def _place_scene_copy(layer: Sdf.Layer, path: str) -> tuple[str, bool]:
     """The file beside the result `path` that holds its scene, and whether it is new."""
     layer.customLayerData = {MADE_FOR: os.path.basename(path)}
     text, k = layer.ExportToString(), 1
-    while os.path.lexists(target := _source(path, k)) and not _holds(target, text):
+    while os.path.lexists(target := _scene_copy_name(path, k)) and not _file_has_text(target, text):
         k += 1
     new = not os.path.lexists(target)
     if new:
@@ -109,15 +110,16 @@ def remove_sources(path: str, keep: str | None) -> None:
     stem, place = re.escape(os.path.basename(os.path.splitext(path)[0])), os.path.dirname(path)
     for entry in list(os.scandir(place)):
         if (re.fullmatch(rf"{stem}_scene\d*\.usda", entry.name) and entry.path != keep
-                and _made_for(entry.path) == os.path.basename(path) and not referred(place, entry.name, growing=True)):
+                and _source_made_for(entry.path) == os.path.basename(path)
+                and not is_referenced_by_sibling(place, entry.name, growing=True)):
             os.remove(entry.path)
 
 
-def _source(path: str, k: int) -> str:
+def _scene_copy_name(path: str, k: int) -> str:
     return f"{os.path.splitext(path)[0]}_scene{'' if k == 1 else k}.usda"
 
 
-def _holds(path: str, text: str) -> bool:
+def _file_has_text(path: str, text: str) -> bool:
     try:
         with open(path, encoding="utf-8") as file:
             return not os.path.islink(path) and file.read() == text
@@ -125,7 +127,7 @@ def _holds(path: str, text: str) -> bool:
         return False
 
 
-def _made_for(path: str) -> str:
+def _source_made_for(path: str) -> str:
     """The result that a scene was written for; "" if none."""
     try:
         return str(Sdf.Layer.OpenAsAnonymous(path).customLayerData.get(MADE_FOR, ""))
@@ -133,8 +135,8 @@ def _made_for(path: str) -> str:
         return ""
 
 
-def flattened(stage: Usd.Stage, folder: str) -> Sdf.Layer:
+def flatten_stage(stage: Usd.Stage, folder: str) -> Sdf.Layer:
     """The stage as one layer to lie in `folder`; the absolute asset paths that flattening makes become relative."""
     flat = stage.Flatten(addSourceFileComment=False)
-    UsdUtils.ModifyAssetPaths(flat, lambda path: relative(path, folder) if os.path.isabs(path) else path)
+    UsdUtils.ModifyAssetPaths(flat, lambda path: relative_usd_path(path, folder) if os.path.isabs(path) else path)
     return flat

@@ -18,15 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
-from wsim.geometry.rotation import polar
+from wsim.geometry.rotation import polar_decomposition
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Motion
 from wsim.usd.attributes import author_times, read_times
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 from wsim.usd.transforms.curves import note_kind, read_kind
 from wsim.usd.transforms.matrix import row_matrix
-from wsim.usd.transforms.operations import operations
-from wsim.usd.transforms.splines import splined
+from wsim.usd.transforms.operations import check_xform_ops
+from wsim.usd.transforms.splines import has_spline
 
 MATRIX_OP = "xformOp:transform"
 ROUNDING = 1e-14                   # of a matrix that is 1
@@ -65,30 +65,30 @@ class Placement:
         return Motion(self.times, frames)
 
 
-def placement(reading: Reading, prim: Usd.Prim) -> Placement:
+def read_placement(reading: StageReading, prim: Usd.Prim) -> Placement:
     """Motion of a prim, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
     try:
-        for xformable in _chain(prim):
-            operations(reading, xformable.GetPrim())
-        exact = _noted(reading, prim)
+        for xformable in _xformable_ancestors(prim):
+            check_xform_ops(reading, xformable.GetPrim())
+        exact = _noted_placement(reading, prim)
         if exact is not None:
             return exact
-        codes = _codes(reading, prim)
+        codes = _transform_time_codes(reading, prim)
         times = np.zeros(1) if codes is None else reading.units.time(codes)
-        found = _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
-        found.exact = None if codes is None else _exact(reading, prim, found)
+        found = _sampled_placement(reading, prim, [reading.units.start] if codes is None else codes, times)
+        found.exact = None if codes is None else _exact_motion(reading, prim, found)
         return found
     except (Tf.ErrorException, TypeError, ValueError, IndexError):
         raise SceneError(Problem(str(prim.GetPath()), "its transform, or one above it, cannot be read: an xformOp has a value "
                                  "of another type than its name says; author its xformOps again")) from None
 
 
-def _sampled(reading: Reading, prim: Usd.Prim, codes, times: np.ndarray) -> Placement:
-    pairs = [_world(reading, prim, float(code)) for code in codes]
+def _sampled_placement(reading: StageReading, prim: Usd.Prim, codes, times: np.ndarray) -> Placement:
+    pairs = [_world_matrix_and_scale(reading, prim, float(code)) for code in codes]
     return Placement(times, np.array([a for a, _ in pairs]), np.array([s for _, s in pairs]))
 
 
-def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, np.ndarray]:
+def _world_matrix_and_scale(reading: StageReading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, np.ndarray]:
     """Local to world [m] at a time code, less the trailing scale; that scale."""
     if code not in reading.xforms:
         reading.xforms[code] = UsdGeom.XformCache(Usd.TimeCode(code))
@@ -96,7 +96,7 @@ def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, n
     xformable = UsdGeom.Xformable(prim)
     ops = xformable.GetOrderedXformOps() if xformable else []
     scale = np.ones(3)
-    if _trailing(ops):
+    if _ends_with_scale(ops):
         value = ops[-1].Get(Usd.TimeCode(code))
         scale = scale if value is None else np.array([float(value[k]) for k in range(3)])
         matrix = Gf.Matrix4d(1.0)
@@ -111,12 +111,12 @@ def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, n
     return M, scale
 
 
-def _trailing(ops: list) -> bool:
+def _ends_with_scale(ops: list) -> bool:
     """Whether a stack ends with a scale by three numbers."""
     return bool(ops) and ops[-1].GetOpType() == UsdGeom.XformOp.TypeScale and not ops[-1].IsInverseOp()
 
 
-def _chain(prim: Usd.Prim) -> list[UsdGeom.Xformable]:
+def _xformable_ancestors(prim: Usd.Prim) -> list[UsdGeom.Xformable]:
     """The prim and what is above it, up to where the stack is reset."""
     chain = []
     while prim and not prim.IsPseudoRoot():
@@ -129,11 +129,11 @@ def _chain(prim: Usd.Prim) -> list[UsdGeom.Xformable]:
     return chain
 
 
-def _codes(reading: Reading, prim: Usd.Prim) -> np.ndarray | None:
+def _transform_time_codes(reading: StageReading, prim: Usd.Prim) -> np.ndarray | None:
     """Time codes of every authored sample and the frames between them; None if nothing above the prim moves."""
     samples: set[float] = set()
     moves = splines = False
-    for xformable in _chain(prim):
+    for xformable in _xformable_ancestors(prim):
         for op in xformable.GetOrderedXformOps():
             attribute = op.GetAttr()
             samples.update(attribute.GetTimeSamples())
@@ -147,20 +147,20 @@ def _codes(reading: Reading, prim: Usd.Prim) -> np.ndarray | None:
     return np.unique(np.concatenate([frames, np.array(sorted(samples), np.float64)]))
 
 
-def _exact(reading: Reading, prim: Usd.Prim, found: Placement) -> Motion | None:
+def _exact_motion(reading: StageReading, prim: Usd.Prim, found: Placement) -> Motion | None:
     """Local to world less the trailing scale, by splines and along arcs; None where there are none, an op cannot be followed
     (noted where it is a spline), or an arc is not where `found` is at its keys (USD interpolates half floats coarsely)."""
-    chain = [x.GetOrderedXformOps() for x in _chain(prim)]
-    curved = any(splined(op.GetAttr()) for ops in chain for op in ops)
-    if UsdGeom.Xformable(prim) and _trailing(chain[0]):
+    chain = [x.GetOrderedXformOps() for x in _xformable_ancestors(prim)]
+    curved = any(has_spline(op.GetAttr()) for ops in chain for op in ops)
+    if UsdGeom.Xformable(prim) and _ends_with_scale(chain[0]):
         chain[0] = chain[0][:-1]
     ops = [op for each in chain[::-1] for op in each]                # outermost first
-    if not curved and not _carried_round(ops, reading.start):
+    if not curved and not _turns_with_offset_below(ops, reading.start):
         return None
     from wsim.scene.curve import Stack
-    from wsim.usd.transforms.stack import parts
+    from wsim.usd.transforms.stack import stack_parts
     try:
-        inner = parts(reading, ops)
+        inner = stack_parts(reading, ops)
     except ValueError as why:
         inner = None
         reading.warn(prim.GetPath(), f"{why} in its xformOps: they are evaluated at frames, and turn evenly between them")
@@ -171,7 +171,7 @@ def _exact(reading: Reading, prim: Usd.Prim, found: Placement) -> Motion | None:
     return exact if away <= COARSE * max(1.0, np.abs(found.frame).max()) else None
 
 
-def _carried_round(ops: list, start: Usd.TimeCode) -> bool:
+def _turns_with_offset_below(ops: list, start: Usd.TimeCode) -> bool:
     """Whether an op that turns over time has an op of a place within it (ops outermost first)."""
     turns = [k for k, op in enumerate(ops) if op.GetAttr().ValueMightBeTimeVarying()
              and ("rotate" in op.GetName() or "orient" in op.GetName())]
@@ -179,32 +179,32 @@ def _carried_round(ops: list, start: Usd.TimeCode) -> bool:
                                or np.any(op.GetOpTransform(start).ExtractTranslation()) for op in ops[turns[0] + 1:])
 
 
-def _noted(reading: Reading, prim: Usd.Prim) -> Placement | None:
+def _noted_placement(reading: StageReading, prim: Usd.Prim) -> Placement | None:
     """The keys that `author_motion` noted, if the samples still say the same motion."""
     attribute = prim.GetAttribute(MATRIX_OP)
     times = read_times(attribute, reading.units)
-    if times is None or any(_moving(x) for x in _chain(prim)[1:]):
+    if times is None or any(_xform_ops_vary(x) for x in _xformable_ancestors(prim)[1:]):
         return None
     samples = np.array(attribute.GetTimeSamples(), np.float64)
-    found = _sampled(reading, prim, reading.units.code(times), times)
+    found = _sampled_placement(reading, prim, reading.units.code(times), times)
     try:
         motion = Motion(times, found.frame, **read_kind(attribute))
     except (TypeError, ValueError):
         return None
     tolerance = 1e-9 * max(1.0, float(np.abs(found.frame).max()))
     for code in samples:
-        frame, scale = _world(reading, prim, float(code))
+        frame, scale = _world_matrix_and_scale(reading, prim, float(code))
         if np.abs(motion.at(reading.units.time(code)) - frame).max() > tolerance or np.any(scale != found.scale[0]):
             return None
     found.exact = None if motion.plain else motion
     return found
 
 
-def _moving(xformable: UsdGeom.Xformable) -> bool:
+def _xform_ops_vary(xformable: UsdGeom.Xformable) -> bool:
     return any(op.GetAttr().ValueMightBeTimeVarying() for op in xformable.GetOrderedXformOps())
 
 
-def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def split_rotation_scale(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """L = R S with R a rotation, shape (3, 3). Without shear S is diagonal, and a mirror image is a negative scale
     along axis `mirror`; with shear S is symmetric. A rotation within 1e-9 is returned untouched with S = 1.
 
@@ -219,7 +219,7 @@ def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
     if abs(np.linalg.det(linear)) <= 1e-12 * lengths.max() ** 3:
         raise ValueError("its transform flattens it (a scale is zero); give it scales other than zero")
     if np.abs(gram - np.diag(np.diag(gram))).max() > 1e-6 * lengths.max() ** 2:
-        return polar(linear)
+        return polar_decomposition(linear)
     R = linear / lengths
     if np.linalg.det(R) < 0:
         R[:, mirror] *= -1
@@ -227,20 +227,20 @@ def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return R, np.diag(lengths)
 
 
-def author_motion(prim: Usd.Prim, motion: Motion, units: Units, frames: int) -> None:
+def author_motion(prim: Usd.Prim, motion: Motion, units: StageUnits, frames: int) -> None:
     """Writes local-to-world `motion` on a prim, whose stack is reset if anything above it has a transform."""
     xformable = UsdGeom.Xformable(prim)
     if motion.kind == "stack":
         from wsim.usd.transforms.stack import author_stack
         ops = author_stack(prim, motion, units, lambda attribute, own: _author_matrix(attribute, own, units, frames))
-        xformable.SetXformOpOrder(ops, _placed_above(prim))
+        xformable.SetXformOpOrder(ops, _has_ops_above(prim))
         return
     attribute = prim.CreateAttribute(MATRIX_OP, Sdf.ValueTypeNames.Matrix4d, False)
     _author_matrix(attribute, motion, units, frames)
-    xformable.SetXformOpOrder([UsdGeom.XformOp(attribute)], _placed_above(prim))
+    xformable.SetXformOpOrder([UsdGeom.XformOp(attribute)], _has_ops_above(prim))
 
 
-def _author_matrix(attribute: Usd.Attribute, motion: Motion, units: Units, frames: int) -> None:
+def _author_matrix(attribute: Usd.Attribute, motion: Motion, units: StageUnits, frames: int) -> None:
     if len(motion.times) == 1:
         attribute.Set(row_matrix(motion.values[0], units))
         if motion.times[0] != 0.0:
@@ -248,14 +248,14 @@ def _author_matrix(attribute: Usd.Attribute, motion: Motion, units: Units, frame
     else:
         for time, M in zip(motion.times.tolist(), motion.values, strict=True):
             attribute.Set(row_matrix(M, units), Usd.TimeCode(units.code(time)))
-        for code in _between(motion.times, units, frames):
+        for code in _frame_codes_between_keys(motion.times, units, frames):
             attribute.Set(row_matrix(motion.at(units.time(code)), units), Usd.TimeCode(code))
         author_times(attribute, motion.times)
         if not motion.plain:
             note_kind(attribute, motion)
 
 
-def _between(times: np.ndarray, units: Units, frames: int) -> np.ndarray:
+def _frame_codes_between_keys(times: np.ndarray, units: StageUnits, frames: int) -> np.ndarray:
     """Time codes of the frames between the first and the last key that are no key themselves."""
     keys = units.code(times)
     codes = units.start + np.arange(frames + 1)
@@ -263,5 +263,5 @@ def _between(times: np.ndarray, units: Units, frames: int) -> np.ndarray:
     return np.array([c for c in codes.tolist() if np.abs(keys - c).min() > 1e-6])
 
 
-def _placed_above(prim: Usd.Prim) -> bool:
-    return any(x.GetOrderedXformOps() for x in _chain(prim.GetParent()))
+def _has_ops_above(prim: Usd.Prim) -> bool:
+    return any(x.GetOrderedXformOps() for x in _xformable_ancestors(prim.GetParent()))

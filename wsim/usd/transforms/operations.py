@@ -4,13 +4,13 @@ but not authored. Also errors on quaternions that are not unit. USD reports neit
 
 from pxr import Usd, UsdGeom
 
-from wsim.usd.stage import Reading
+from wsim.usd.stage import StageReading
 
 INVERSE, RESET, OP, ORDER = "!invert!", "!resetXformStack!", "xformOp:", "xformOpOrder"
 UNIT = 1e-2                 # departure of |q| from 1 that quath keeps, tenfold
 
 
-def operations(reading: Reading, prim: Usd.Prim) -> None:
+def check_xform_ops(reading: StageReading, prim: Usd.Prim) -> None:
     """Reports ops without effect and quaternions that are not unit, once for each prim."""
     if prim.GetPath() in reading.placed:
         return
@@ -24,10 +24,10 @@ def operations(reading: Reading, prim: Usd.Prim) -> None:
         reading.warn(path, f"{ORDER} names {name}, which is not authored, and does nothing; author it, or remove its name")
     for op in UsdGeom.Xformable(prim).GetOrderedXformOps():
         if op.GetOpType() == UsdGeom.XformOp.TypeOrient:
-            _quaternions(reading, op)
+            _check_unit_quaternions(reading, op)
 
 
-def _quaternions(reading: Reading, op: UsdGeom.XformOp) -> None:
+def _check_unit_quaternions(reading: StageReading, op: UsdGeom.XformOp) -> None:
     for code in (reading.units.start, *op.GetTimeSamples()):
         q = op.Get(code)
         if q is not None and not abs(q.GetLength() - 1.0) < UNIT:

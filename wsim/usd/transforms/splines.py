@@ -12,7 +12,7 @@ import numpy as np
 from pxr import Sdf, Ts, Usd
 
 from wsim.scene.curve import Curve
-from wsim.usd.stage import Units
+from wsim.usd.stage import StageUnits
 
 TS: Any = Ts                              # its stubs lack names
 FORMS = {TS.InterpCurve: "curve", TS.InterpLinear: "linear", TS.InterpHeld: "hold"}
@@ -22,12 +22,12 @@ ROUNDED = 1e-6                            # of the largest value, how far sample
 TYPES = {"double": "double", "float": "float", "half": "half"}
 
 
-def splined(attribute: Usd.Attribute) -> bool:
+def has_spline(attribute: Usd.Attribute) -> bool:
     """True if an attribute's value is a spline."""
     return bool(attribute) and attribute.HasSpline()
 
 
-def curve_of(spline, units: Units, factor: float = 1.0) -> Curve:
+def curve_from_spline(spline, units: StageUnits, factor: float = 1.0) -> Curve:
     """The curve of a spline, values times `factor`. Raises ValueError for one without knots, or with value blocks."""
     if spline.IsEmpty() or spline.HasValueBlocks():
         raise ValueError("its spline has no knots" if spline.IsEmpty() else "its spline has value blocks")
@@ -39,7 +39,7 @@ def curve_of(spline, units: Units, factor: float = 1.0) -> Curve:
     knots = list(own.GetKnots().values())
     codes = np.array([k.GetTime() for k in knots], np.float64)
     p = np.array([float(k.GetValue()) for k in knots]) * factor
-    sides = [_side(e, units, factor) for e in (own.GetPreExtrapolation(), own.GetPostExtrapolation())]
+    sides = [_read_spline_side(e, units, factor) for e in (own.GetPreExtrapolation(), own.GetPostExtrapolation())]
     how: dict[str, Any] = {"form": [FORMS[k.GetNextInterpolation()] for k in knots[:-1]]}
     if any(k.IsDualValued() for k in knots):
         how["until"] = np.array([float(k.GetPreValue()) for k in knots]) * factor
@@ -54,17 +54,17 @@ def curve_of(spline, units: Units, factor: float = 1.0) -> Curve:
     return Curve(units.time(codes), p, "bezier", *sides, **how)
 
 
-def _side(of, units: Units, factor: float):
+def _read_spline_side(of, units: StageUnits, factor: float):
     return SIDES[of.mode] if of.mode in SIDES else float(of.slope) * factor * units.fps
 
 
-def spline_of(curve: Curve, units: Units, factor: float = 1.0, kind: str = "double"):
+def spline_from_curve(curve: Curve, units: StageUnits, factor: float = 1.0, kind: str = "double"):
     """The spline of a curve of numbers (keys,), values over `factor`, of the type `kind` of attribute; None where a piece is no
     spline's."""
     if curve.values.ndim != 1 or kind not in TYPES:
         return None
     n = len(curve.times)
-    made = [_handles(curve, k) for k in range(n - 1)]
+    made = [_bezier_handles(curve, k) for k in range(n - 1)]
     if any(m is None for m in made):
         return None
     found, per = TS.Spline(kind), 1.0 / (factor * units.fps)
@@ -74,7 +74,7 @@ def spline_of(curve: Curve, units: Units, factor: float = 1.0, kind: str = "doub
         for k in range(n):
             knot = TS.Knot(typeName=kind, time=float(units.code(curve.times[k])), value=float(curve.values[k]) / factor)
             knot.SetNextInterpolation(made[k][0] if k < n - 1 else TS.InterpCurve)
-            before, behind = _slopes(curve, made, k)
+            before, behind = _key_slopes_and_widths(curve, made, k)
             knot.SetPreTanSlope(before[0] * per)
             knot.SetPostTanSlope(behind[0] * per)
             if not hermite:
@@ -83,18 +83,18 @@ def spline_of(curve: Curve, units: Units, factor: float = 1.0, kind: str = "doub
             if curve.until[k] != curve.values[k]:
                 knot.SetPreValue(float(curve.until[k]) / factor)
             found.SetKnot(knot)
-    found.SetPreExtrapolation(_extrapolation(curve.before, per))
-    found.SetPostExtrapolation(_extrapolation(curve.after, per))
+    found.SetPreExtrapolation(_spline_extrapolation(curve.before, per))
+    found.SetPostExtrapolation(_spline_extrapolation(curve.after, per))
     return found
 
 
-def _slopes(curve: Curve, made: list, k: int) -> tuple[tuple[float, float], tuple[float, float]]:
+def _key_slopes_and_widths(curve: Curve, made: list, k: int) -> tuple[tuple[float, float], tuple[float, float]]:
     """(slope [unit/s], width [s]) before and behind key k; those that no piece has are given ones, or 0."""
     given = [curve.how[name][k] if name in curve.how else 0.0 for name in ("arrive", "leave")]
     return (made[k - 1][2] if k else (float(given[0]), 0.0)), (made[k][1] if k < len(made) else (float(given[1]), 0.0))
 
 
-def _handles(curve: Curve, k: int):
+def _bezier_handles(curve: Curve, k: int):
     """(interpolation, (slope [unit/s], width [s]) behind the earlier key and before the later) of a piece; None if it has
     none."""
     from wsim.scene.curve.easing import BEZIER, HOLD, STRAIGHT
@@ -116,7 +116,7 @@ def _handles(curve: Curve, k: int):
     return TS.InterpCurve, *ends
 
 
-def _extrapolation(side, per: float):
+def _spline_extrapolation(side, per: float):
     modes = {name: mode for mode, name in SIDES.items()}
     found = TS.Extrapolation(modes[side] if isinstance(side, str) else TS.ExtrapSloped)
     if not isinstance(side, str):
@@ -124,15 +124,15 @@ def _extrapolation(side, per: float):
     return found
 
 
-def author_spline(attribute: Usd.Attribute, curve: Curve, units: Units, factor: float = 1.0) -> bool:
+def author_spline(attribute: Usd.Attribute, curve: Curve, units: StageUnits, factor: float = 1.0) -> bool:
     """Writes a curve of numbers as a spline of its attribute; False where it is none, and nothing is written."""
     kind = {Sdf.ValueTypeNames.Double: "double", Sdf.ValueTypeNames.Float: "float", Sdf.ValueTypeNames.Half: "half"}.get(
         attribute.GetTypeName(), "")
-    spline = spline_of(curve, units, factor, kind)
+    spline = spline_from_curve(curve, units, factor, kind)
     return spline is not None and bool(attribute.SetSpline(spline))
 
 
-def replace_samples(attribute: Usd.Attribute, curve: Curve, units: Units) -> bool:
+def replace_samples(attribute: Usd.Attribute, curve: Curve, units: StageUnits) -> bool:
     """Writes a curve of numbers as a spline in the place of its samples, which may have another unit; False, and they stay,
     where it is none, or they are not the curve times a number."""
     if curve.values.ndim != 1 or not curve.values.any():

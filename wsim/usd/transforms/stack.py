@@ -16,7 +16,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.scene.curve.stack import ELEMENTS, SCALE, SHIFT, TURN
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 from wsim.usd.transforms.curves import author_curve, read_curve
 from wsim.usd.transforms.matrix import row_matrix
 
@@ -24,18 +24,18 @@ NAMES = {SHIFT: "translate", TURN: "rotate", SCALE: "scale"}
 KINDS = {name: what for what, name in NAMES.items()}
 
 
-def parts(reading: Reading, ops: list) -> list | None:
+def stack_parts(reading: StageReading, ops: list) -> list | None:
     """Parts of ops, outermost first; None where one cannot be followed between its samples."""
     found = []
     for op in ops:
-        own = _parts(reading, op)
+        own = _xform_op_parts(reading, op)
         if own is None:
             return None
         found += own
     return found
 
 
-def _parts(reading: Reading, op: UsdGeom.XformOp) -> list | None:
+def _xform_op_parts(reading: StageReading, op: UsdGeom.XformOp) -> list | None:
     units, attribute = reading.units, op.GetAttr()
     if not attribute.ValueMightBeTimeVarying():
         M = np.array(op.GetOpTransform(reading.start)).T.copy()
@@ -45,7 +45,7 @@ def _parts(reading: Reading, op: UsdGeom.XformOp) -> list | None:
     kind = "hold" if reading.stage.GetInterpolationType() == Usd.InterpolationTypeHeld else "linear"
     base = next((k for k in KINDS if name.startswith(k)), "")
     if base:
-        return _axes(attribute, units, KINDS[base], name[len(base):] or "XYZ", kind, op.IsInverseOp())
+        return _axis_parts(attribute, units, KINDS[base], name[len(base):] or "XYZ", kind, op.IsInverseOp())
     if op.IsInverseOp() or name not in ("transform", "orient"):
         return None
     codes = attribute.GetTimeSamples()
@@ -59,7 +59,7 @@ def _parts(reading: Reading, op: UsdGeom.XformOp) -> list | None:
     return [Part(ELEMENTS, Curve(times, M, kind))]
 
 
-def _axes(attribute: Usd.Attribute, units: Units, what: str, axes: str, kind: str, inverse: bool) -> list | None:
+def _axis_parts(attribute: Usd.Attribute, units: StageUnits, what: str, axes: str, kind: str, inverse: bool) -> list | None:
     """A part for each of the axes (letters), which act first to last."""
     factor = {SHIFT: units.metres, TURN: np.pi / 180.0, SCALE: 1.0}[what]
     if inverse and what == SCALE:
@@ -75,7 +75,7 @@ def _axes(attribute: Usd.Attribute, units: Units, what: str, axes: str, kind: st
     return [Part(what, Curve(units.time(np.array(codes)), columns[letter], kind), "XYZ".index(letter)) for letter in order]
 
 
-def author_stack(prim: Usd.Prim, stack: Motion, units: Units, write_matrix) -> list[UsdGeom.XformOp]:
+def author_stack(prim: Usd.Prim, stack: Motion, units: StageUnits, write_matrix) -> list[UsdGeom.XformOp]:
     """Ops of a stack, outermost first. write_matrix(attribute, motion): samples of a motion on a matrix attribute."""
     ops = []
     assert isinstance(stack, Stack)
@@ -84,7 +84,7 @@ def author_stack(prim: Usd.Prim, stack: Motion, units: Units, write_matrix) -> l
             name = f"xformOp:{NAMES[A.what]}{'XYZ'[A.axis]}:part{k}"
             attribute = prim.CreateAttribute(name, Sdf.ValueTypeNames.Double, False)
             factor = {SHIFT: units.metres, TURN: np.pi / 180.0, SCALE: 1.0}[A.what]
-            author_curve(attribute, A.curve, units, _setter(attribute, factor), factor)
+            author_curve(attribute, A.curve, units, _attribute_setter(attribute, factor), factor)
         else:
             attribute = prim.CreateAttribute(f"xformOp:transform:part{k}", Sdf.ValueTypeNames.Matrix4d, False)
             if isinstance(A, np.ndarray):
@@ -98,8 +98,8 @@ def author_stack(prim: Usd.Prim, stack: Motion, units: Units, write_matrix) -> l
     return ops
 
 
-def _setter(attribute: Usd.Attribute, factor: float):
+def _attribute_setter(attribute: Usd.Attribute, factor: float):
     """Puts a value in SI units at a time code."""
-    def put(value, code) -> None:
+    def set_scaled_value(value, code) -> None:
         attribute.Set(float(value) / factor, code)
-    return put
+    return set_scaled_value

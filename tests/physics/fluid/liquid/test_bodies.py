@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.fluid.liquid.tanks import GRAVITY, particles, tank
-from wsim.physics.fluid.liquid.measure import mass
+from wsim.physics.fluid.liquid.measure import particle_mass
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Motion
 from wsim.scene.solids import Box, Plane, Sphere
@@ -81,9 +81,9 @@ def test_momentum_goes_from_a_stream_to_a_body():
                  velocity=(1.0, 0, 0))
     scene.add(body(Sphere(0.1), (0.57, 0.38, 0.37), density=1000.0))
     before = run(scene, 0)[0]
-    start = particles(before)["v"].sum(0) * mass(scene.things("Liquid")[0])
+    start = particles(before)["v"].sum(0) * particle_mass(scene.things("Liquid")[0])
     sim, rigid = run(scene, 10)
-    liquid, own = particles(sim)["v"].sum(0) * mass(scene.things("Liquid")[0]), rigid.get("p")[0]
+    liquid, own = particles(sim)["v"].sum(0) * particle_mass(scene.things("Liquid")[0]), rigid.get("p")[0]
     assert own[0] > 0.02 * start[0]
     assert np.abs(liquid + own - start).max() < 0.01 * start[0]
     assert np.abs(liquid + own - start)[0] < 0.2 * own[0]
@@ -100,11 +100,11 @@ def test_a_heavy_body_sinks_and_rests_on_the_floor():
 def test_a_frame_that_is_repeated_is_the_same_to_the_bit():
     scene = flat(((0, 0), (1, 0.5)), (0.1, 0.1), (0.5, 0.55), density=300.0)
     sim, rigid = run(scene, 3)
-    sim.plan.state.snapshot()
+    sim.plan.state.take_snapshot()
     sim.plan.before_frame(3 / 48.0)
     found = []
     for _ in range(2):
-        sim.plan.state.restore()
+        sim.plan.state.restore_snapshot()
         sim.plan.frame()
         found.append((particles(sim)["x"], rigid.get("p")))
     assert all(np.array_equal(a, b) for a, b in zip(*found, strict=True))

@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.fluid.liquid.tanks import method, particles, tank
 from wsim.scene import Collider, Motion, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.scene.solids import Box
 from wsim.simulation.simulation import Simulation
@@ -65,7 +65,7 @@ def test_liquid_poured_onto_a_pinned_sheet_stays_above_it():
         p = particles(sim)["x"]
         assert (p[:, 1] > height(sim.positions("/sheet"), triangles, p)).all()
     assert sim.positions("/sheet")[:, 1].min() < 0.29
-    assert "moves it, and does not feel it" in "".join(str(p) for p in check(scene))
+    assert "moves it, and does not feel it" in "".join(str(p) for p in check_scene(scene))
 
 
 def test_without_it_the_liquid_falls():
@@ -108,10 +108,10 @@ def test_a_sheet_that_rises_lifts_what_is_on_it():
 
 
 def test_a_scene_without_meshes_that_move_compiles_none_of_it():
-    from wsim.physics.collider.table import kinds
+    from wsim.physics.contact.collider.table import kind_names
     scene = pool()
     scene.colliders.append(Collider("/box", Box((0.1, 0.1, 0.1))))
     scene.colliders.append(Collider("/still", Surface(*cube((0, 0, 0), (0.1, 0.1, 0.1)))))
-    assert kinds(scene.colliders) == ("box", "solid")
+    assert kind_names(scene.colliders) == ("box", "solid")
     scene.colliders.append(Collider("/grows", grown(0.1, 1.0, 1.0)))
-    assert "forming" in kinds(scene.colliders)
+    assert "forming" in kind_names(scene.colliders)

@@ -1,4 +1,4 @@
-"""Liquids on stages, in results, after a restart; what `check` says of them."""
+"""Liquids on stages, in results, after a restart; what `check_scene` says of them."""
 
 from dataclasses import replace
 
@@ -8,11 +8,11 @@ from pxr import Gf, Usd, UsdGeom
 
 from tests.physics.fluid.liquid.tanks import tank, water
 from tests.physics.fluid.liquid.test_flow import tap
-from wsim.cli.run import prepare
+from wsim.cli.run import prepare_recorded_run
 from wsim.physics.fluid.liquid import memory
 from wsim.physics.fluid.liquid.objects import Liquid
 from wsim.scene import Motion, Scene, SceneError
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, names, save
@@ -21,8 +21,8 @@ FRAMES = 6
 
 
 def run(source, output, frames: int = FRAMES, restart=None):
-    job = prepare(replace(load(str(source)), frames=frames), str(output), lambda s: Simulation(s, device="cpu"),
-                  restart=restart and str(restart))
+    job = prepare_recorded_run(replace(load(str(source)), frames=frames), str(output), lambda s: Simulation(s, device="cpu"),
+                               restart=restart and str(restart))
     job.frames()
     return job
 
@@ -96,7 +96,7 @@ def test_a_stage_in_centimetres_has_the_same_water(tmp_path):
 
 
 def wrong(scene: Scene) -> str:
-    return "\n".join(str(p) for p in check(scene))
+    return "\n".join(str(p) for p in check_scene(scene))
 
 
 @pytest.mark.parametrize("change, words", [
@@ -120,7 +120,7 @@ def test_what_is_wrong_is_said_by_path(change, words):
 
 
 def test_too_many_particles_are_refused_with_the_cells_that_fit(monkeypatch):
-    monkeypatch.setattr(memory, "free", lambda device: 10_000_000)
+    monkeypatch.setattr(memory, "free_device_bytes", lambda device: 10_000_000)
     with pytest.raises(SceneError, match=r"/tank: about .*e\+04 particles in 32x32x32 cells take .*; give cells of 0.0[0-9]* "):
         Simulation(tank((32, 32, 32), [(0, 0, 0), (0.5, 0.5, 0.5)]), device="cpu")
 

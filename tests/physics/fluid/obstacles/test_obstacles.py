@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.fluid.flows import box, method, places, put
 from wsim.physics.fluid.grid.layout import Layout
-from wsim.physics.fluid.grid.pressure import label
+from wsim.physics.fluid.grid.pressure import label_sealed_regions
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene import Motion, Scene, Surface
 from wsim.scene.solids import Box, Cylinder, Sphere
@@ -46,7 +46,7 @@ def test_air_slips_past_a_cylinder_as_a_potential_flow(n, least):
     domain.pressure.tolerance = 1e-6
     domain.pressure.solve(domain.u)
     domain.pressure.project(domain.u, domain.u)
-    now, openings = m.arrays(0), domain.obstacles.openings()
+    now, openings = m.arrays(0), domain.obstacles.host_openings()
     for a, name in enumerate("uv"):
         free = openings[a].reshape(layout.faces(a)) == 1.0
         wrong = (now[name] - exact(a, *places(layout, a, cell)))[free]
@@ -101,7 +101,7 @@ def test_a_turning_wall_has_the_speed_of_its_turn():
     sim = Simulation(scene, device="cpu")
     sim.step()
     m = method(sim)
-    openings, now = m.domains[0].obstacles.openings(), m.arrays(0)
+    openings, now = m.domains[0].obstacles.host_openings(), m.arrays(0)
     inside = openings[1].reshape(m.layouts[0].faces(1)) == 0.0
     x, _, _ = places(m.layouts[0], 1, size / n)
     assert inside.sum() > 20
@@ -112,7 +112,7 @@ def test_regions_without_an_outlet_are_told_apart():
     layout = Layout.of(Fluid("/f", (0, 0, 0), (8, 4, 1), 1.0, sides=("open", *("closed",) * 5)))
     x, y = np.ones(layout.faces(0)), np.ones(layout.faces(1))
     x[3] = x[5] = 0.0
-    region, count = label(layout, [x.ravel(), y.ravel()])
+    region, count = label_sealed_regions(layout, [x.ravel(), y.ravel()])
     region = region.reshape(8, 4)
     assert count == 2
     assert (region[:3] == -1).all() and (region[3:5] == region[3, 0]).all() and (region[5:] == region[5, 0]).all()
@@ -144,6 +144,6 @@ def test_a_mesh_is_an_obstacle_as_its_shape_is():
         sim = Simulation(scene, device="cpu")
         sim.load()
         method(sim).before_frame(0.0, sim.plan.clock)
-        found.append(np.concatenate(method(sim).domains[0].obstacles.openings()))
+        found.append(np.concatenate(method(sim).domains[0].obstacles.host_openings()))
     assert (found[0] < 1.0).sum() > 100
     assert np.abs(found[0] - found[1]).max() < 1e-4

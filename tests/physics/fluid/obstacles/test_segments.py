@@ -1,15 +1,16 @@
-"""First hits of segments (kernels/collider/segment.py) against the signed distances of the host, for every row of shapes."""
+"""First hits of segments (kernels/contact/collider/segment.py) against the signed distances of the host, for every row of
+shapes."""
 
 import numpy as np
 import pytest
 import warp as wp
 
 from tests.make.rounded import ROW, Rounded
-from wsim.kernels.collider.segment import queries
-from wsim.kernels.contact import shape as device
+from wsim.kernels.contact.collider import shape as device
+from wsim.kernels.contact.collider.segment import segment_queries
 from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.math.real import types
-from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere, row
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere, shape_row
 
 SHAPES = [Plane(), Sphere(0.7), Box((0.5, 0.3, 0.6)), Capsule(0.3, 0.4), Cylinder(0.5, 0.4), Cone(0.6, 0.5),
           Rounded(0.6, 0.4, 0.15)]
@@ -17,9 +18,9 @@ SHAPES = [Plane(), Sphere(0.7), Box((0.5, 0.3, 0.6)), Capsule(0.3, 0.4), Cylinde
 
 def hits(kind: str, size, mesh: int, p: np.ndarray, q: np.ndarray, skin: float, real=wp.float64, slack: float = 0.0):
     t = types(real)
-    ask = queries((kind,), real)
+    ask = segment_queries((kind,), real)
     code = {"solid": SOLID, "sheet": SHEET}.get(kind)
-    code = device.code(kind) if code is None else code
+    code = device.shape_code(kind) if code is None else code
 
     def meet(size: t.vec3, mesh: wp.uint64, p: wp.array(dtype=t.vec3), q: wp.array(dtype=t.vec3), skin: real,
              s_out: wp.array(dtype=real), n_out: wp.array(dtype=t.vec3), found_out: wp.array(dtype=int)):
@@ -44,10 +45,10 @@ def segments(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__name__)
 def test_a_segment_stops_where_the_signed_distance_is_the_skin(shape):
     """A dense walk along each segment finds the same ones, and no earlier hit."""
-    found = ROW if isinstance(shape, Rounded) else row(shape)
+    found = ROW if isinstance(shape, Rounded) else shape_row(shape)
     if found is ROW:
         from tests.make import rounded
-        device.add("rounded", rounded.formula)
+        device.add_convex_shape("rounded", rounded.formula)
     skin, (p, q) = 1e-3, segments()
     outside = found.distance(shape, p) > skin
     p, q = p[outside], q[outside]
@@ -88,7 +89,7 @@ def test_a_segment_along_a_face_touches_a_mesh_as_it_touches_a_box():
 def test_a_mesh_is_met_where_its_box_is_and_an_open_one_from_both_sides(kind):
     mesh = mesh_of_a_box()
     p, q = segments()
-    outside = row(Box((1, 1, 1))).distance(Box((0.5, 0.3, 0.6)), p) > 1e-2
+    outside = shape_row(Box((1, 1, 1))).distance(Box((0.5, 0.3, 0.6)), p) > 1e-2
     s, n, between = hits(kind, (0.0, 0.0, 0.0), mesh.id, p[outside], q[outside], 1e-4)
     exact, m, of_box = hits("box", (0.5, 0.3, 0.6), 0, p[outside], q[outside], 1e-4)
     met = exact < 1.0

@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.fluid.flows import box, method
 from wsim.scene import Motion, SceneError, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
 
 N, CELL = (24, 8, 8), 1.0 / 24.0
@@ -66,9 +66,9 @@ def test_a_flag_in_the_wind_stirs_no_storm():
 
 def test_what_is_no_wall_is_said_and_has_no_gradient():
     scene = duct(("open",) * 6)
-    assert not [p for p in check(scene) if "passes through" in str(p)]
+    assert not [p for p in check_scene(scene) if "passes through" in str(p)]
     scene.things("Fluid")[0].margin = 0.5
-    assert any("/sheet passes through its air, as it is solved in a part" in str(p) for p in check(scene))
+    assert any("/sheet passes through its air, as it is solved in a part" in str(p) for p in check_scene(scene))
     scene.things("Fluid")[0].margin = 0.0
     scene.frames = 1
     with pytest.raises(SceneError, match="/fluid: has /sheet in its air as a wall"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.physics.fluid.grid.direct import Direct, operator
+from wsim.physics.fluid.grid.direct import Direct, axis_operator
 from wsim.physics.fluid.grid.layout import AROUND, CLOSED, OPEN, Layout
 
 
@@ -37,6 +37,6 @@ def test_what_is_solved_has_the_right_hand_side(n, low, high, even):
     direct.cycle()
     assert direct.even == even and np.array_equal(b.numpy(), right)
     grid = x.numpy().reshape(n)
-    A = [operator(n[a], low[a], high[a], bool(layout.periodic[a])) for a in range(dim)]
+    A = [axis_operator(n[a], low[a], high[a], bool(layout.periodic[a])) for a in range(dim)]
     found = sum(np.moveaxis(np.tensordot(A[a], grid, (1, a)), 0, a) for a in range(dim))
     assert found.ravel() == pytest.approx(right, abs=1e-11)

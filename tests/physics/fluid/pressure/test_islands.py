@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.fluid.flows import box, method
 from tests.physics.fluid.liquid import tanks
-from wsim.physics.fluid.grid.pressure import label
+from wsim.physics.fluid.grid.pressure import label_sealed_regions
 from wsim.scene import Motion
 from wsim.scene.solids import Box
 from wsim.simulation.simulation import Simulation
@@ -54,7 +54,7 @@ def test_regions_are_those_of_the_host(n, sides):
     found = pressure.islands.forest.label.numpy()
     vented = pressure.islands.forest.vented.numpy()
     shut = np.where((found >= 0) & (vented[np.maximum(found, 0)] == 0), found, -1)
-    expected, count = label(domain.layout, openings)
+    expected, count = label_sealed_regions(domain.layout, openings)
     roots = np.unique(shut[shut >= 0])
     assert len(roots) == count > 2
     assert np.array_equal(np.where(shut >= 0, np.searchsorted(roots, shut), -1), expected)
@@ -86,7 +86,7 @@ def test_liquid_that_walls_part_from_all_air_has_a_pressure():
         array.assign(values.ravel())
     surface.refresh()
     surface.r.assign(right.ravel())
-    surface._solve(1e-4)
+    surface._solve_pressure(1e-4)
     p = surface.p.numpy().reshape(8, 8)
     assert np.isfinite(p).all() and np.abs(p).max() < 10.0
     assert p[5, 6] - p[5, 5] == pytest.approx(0.5, abs=1e-3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.fluid.flows import box, method
-from wsim.physics.fluid.measure import divergence
+from wsim.physics.fluid.measure import fluid_cell_divergence
 from wsim.scene.solids import Sphere
 from wsim.simulation.simulation import Simulation
 
@@ -29,10 +29,10 @@ def solved(n, sides: str, pressure: str, *, ball: bool = False, precision: str =
             ends[0] *= layout.low[a] > 0.0
             ends[-1] *= layout.high[a] > 0.0
         m.field(0, "uvw"[a]).assign(u.ravel().astype(sim.model.dtype))
-    before = divergence(domain.fluid, layout, m.arrays(0), domain.obstacles)
+    before = fluid_cell_divergence(domain.fluid, layout, m.arrays(0), domain.obstacles)
     domain.pressure.solve(domain.u)
     domain.pressure.project(domain.u, domain.u)
-    after = divergence(domain.fluid, layout, m.arrays(0), domain.obstacles)
+    after = fluid_cell_divergence(domain.fluid, layout, m.arrays(0), domain.obstacles)
     assert domain.words["missed"].numpy()[0] == 0
     return np.linalg.norm(after) / np.linalg.norm(before), int(domain.words["solves"].numpy()[1])
 

@@ -8,12 +8,12 @@ from tests.physics.rigid.narrow.test_manifold import about, both, eps
 from tests.physics.rigid.pairs import WHERE, matrix, touch
 from wsim.geometry import rotation
 from wsim.geometry.convex_hull import convex_hull
-from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
 from wsim.physics.rigid.surfaces import hull_tables
 
 HALF = 0.5
 TOP = HALF * np.sqrt(2.0)
-PAIRS = every(("box", "hull"))
+PAIRS = pairs_of_kinds(("box", "hull"))
 SHAPES = {"hull": ("hull", 0.0, 0), "box": ("box", (HALF,) * 3)}
 of_kinds = pytest.mark.parametrize("kinds", [("hull", "hull"), ("box", "hull"), ("hull", "box"), ("box", "box")])
 
@@ -26,7 +26,7 @@ def crossed(kinds, lean_a, lean_b, slide, quarters=(0, 0), real=None):
                                                                                      TOP - 0.005, slide)):
         q = turned(lean)
         x = np.einsum("nij,j->ni", matrix(q), np.array([0.0, 0.0, z])) + s
-        pose.append(np.hstack([x, rotation.multiply(q, np.tile(about(axis, np.pi / 4 + k * np.pi / 2), (len(q), 1)))]))
+        pose.append(np.hstack([x, rotation.quat_product(q, np.tile(about(axis, np.pi / 4 + k * np.pi / 2), (len(q), 1)))]))
     H = hull_tables([convex_hull(HALF * SIGNS)], real, WHERE["device"])
     a, b = ([SHAPES[kind]] * len(lean_a) for kind in kinds)
     return touch(a, pose[0], b, pose[1], 0.1, real, H, PAIRS)

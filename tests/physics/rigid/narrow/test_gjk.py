@@ -10,10 +10,10 @@ from tests.physics.rigid.narrow.reference import SIGNS, polyhedra, round_shapes
 from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes, touch, turns
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.narrow.clip import structs
-from wsim.kernels.rigid.narrow.gjk import apart
-from wsim.kernels.rigid.narrow.pair import every, searched
-from wsim.kernels.rigid.narrow.shape import hulls, shape
+from wsim.kernels.rigid.narrow.clip import clip_types
+from wsim.kernels.rigid.narrow.gjk import gjk_nearest_func
+from wsim.kernels.rigid.narrow.pair import pairs_of_kinds, pairs_without_closed_form
+from wsim.kernels.rigid.narrow.shape import hull_type, shape_type
 from wsim.physics.rigid.surfaces import hull_tables as tables
 
 KINDS = frozenset(("sphere", "box", "capsule", "cylinder", "cone", "hull"))
@@ -24,7 +24,8 @@ MEDIAN, MOST = 3e-7, 1e-5                     # of the size
 
 @cache
 def kernel(real):
-    t, Shape, Hulls, Nearest, of = types(real), shape(real), hulls(real), structs(real).Nearest, apart(KINDS, real)
+    t, Shape, Hulls, Nearest, of = (types(real), shape_type(real), hull_type(real), clip_types(real).Nearest,
+                                    gjk_nearest_func(KINDS, real))
 
     @wp.kernel(module="unique", enable_backward=False)
     def gaps(a: wp.array(dtype=Shape), b: wp.array(dtype=Shape), H: Hulls, R: wp.array(dtype=t.mat33),
@@ -42,8 +43,8 @@ def apart_by(a, pose_a, b, pose_b, real, H=None):
     d = np.broadcast_to(pose_b, (n, 7))[:, :3] - np.broadcast_to(pose_a, (n, 7))[:, :3]
     R = wp.array(np.ascontiguousarray(np.swapaxes(A, 1, 2) @ B), dtype=t.mat33, **WHERE)
     p = wp.array(np.ascontiguousarray(np.einsum("nji,nj->ni", A, d)), dtype=t.vec3, **WHERE)
-    out = wp.zeros(n, dtype=structs(real).Nearest, **WHERE)
-    wp.launch(kernel(real), n, [shapes(a, real), shapes(b, real), H or hulls(real)(), R, p, 1e30], [out], **WHERE)
+    out = wp.zeros(n, dtype=clip_types(real).Nearest, **WHERE)
+    wp.launch(kernel(real), n, [shapes(a, real), shapes(b, real), H or hull_type(real)(), R, p, 1e30], [out], **WHERE)
     return out.numpy()
 
 
@@ -189,7 +190,7 @@ def test_hulls_face_to_face_touch_at_four_points_with_equal_gaps(real):
     q = turns(rng, 1)[0]
     pose_a, pose_b = np.array([1.0, 2, 3, *q]), np.array([*(matrix(q) @ (0.02, 0.03, 0.505) + (1, 2, 3)), *q])
     m = touch([("hull", 0.0, 0)], pose_a, [("hull", 0.0, 1)], pose_b, 0.02, real, tables(of, real, WHERE["device"]),
-              every(("hull",)))[0]
+              pairs_of_kinds(("hull",)))[0]
     assert m["count"] == 4 and len(set(m["key"])) == 4
     np.testing.assert_allclose(m["gap"], 0.005, atol=2e-6 if real is wp.float32 else 1e-12)
     np.testing.assert_allclose(m["n"], -matrix(q)[:, 2], atol=2e-6)
@@ -203,14 +204,14 @@ def test_keys_of_hulls_last_under_small_motions(real):
     pose[:, :3] += rng.uniform(-2e-5, 2e-5, (n, 3))
     of = [convex_hull(0.5 * SIGNS)]
     a = [("hull", 0.0, 0)] * n
-    m = touch(a, STILL, a, pose, 0.02, real, tables(of, real, WHERE["device"]), every(("hull",)))
+    m = touch(a, STILL, a, pose, 0.02, real, tables(of, real, WHERE["device"]), pairs_of_kinds(("hull",)))
     assert (m["count"] == 4).all() and (m["key"] == m["key"][0]).all() and len(set(m["key"][0])) == 4
 
 
 def test_closed_forms_ask_for_no_search():
-    assert not searched(every(("plane", "sphere", "box", "capsule")))
-    assert searched(every(("sphere", "hull"))) == {("sphere", "hull"), ("hull", "hull")}
-    assert ("plane", "plane") not in every(("plane", "box")) and len(every(("plane", "box"))) == 2
+    assert not pairs_without_closed_form(pairs_of_kinds(("plane", "sphere", "box", "capsule")))
+    assert pairs_without_closed_form(pairs_of_kinds(("sphere", "hull"))) == {("sphere", "hull"), ("hull", "hull")}
+    assert ("plane", "plane") not in pairs_of_kinds(("plane", "box")) and len(pairs_of_kinds(("plane", "box"))) == 2
 
 
 @both

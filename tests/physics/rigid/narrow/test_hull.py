@@ -7,7 +7,7 @@ from tests.physics.rigid.narrow.reference import SIGNS
 from tests.physics.rigid.pairs import matrix, turns
 from wsim.geometry.convex_hull import NEAR, DegenerateHull, convex_hull
 from wsim.kernels.rigid.narrow.shape import CORNERS
-from wsim.physics.rigid.surfaces import thinned
+from wsim.physics.rigid.surfaces import simplify_face_loop
 
 
 def closed(hull):
@@ -48,7 +48,7 @@ def test_a_prism_of_forty_sides_has_two_caps_which_clipping_thins():
     hull = convex_hull(np.concatenate([ring, ring + (0, 0, 1)]))
     assert sorted(map(len, hull.loops)) == [4] * 40 + [40, 40] and closed(hull)
     cap = max(hull.loops, key=len)
-    kept = thinned(hull.vertices, cap)
+    kept = simplify_face_loop(hull.vertices, cap)
     assert len(kept) == CORNERS and set(kept) < set(cap)
 
 

@@ -6,10 +6,10 @@ import warp as wp
 
 from tests.physics.rigid.narrow.reference import polyhedra
 from tests.physics.rigid.pairs import PRECISIONS, matrix, poses, touch, turns
-from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
 
 STILL = np.array([0.0, 0, 0, 0, 0, 0, 1])
-CLOSED = every(("plane", "sphere", "box", "capsule"))
+CLOSED = pairs_of_kinds(("plane", "sphere", "box", "capsule"))
 UNIT = ("box", (0.5, 0.5, 0.5))
 SIZES = {"sphere": (0.4,), "box": (0.3, 0.5, 0.7), "capsule": (0.25, 0.6)}
 both = pytest.mark.parametrize("real", PRECISIONS, ids=("f32", "f64"))

@@ -10,11 +10,11 @@ from tests.physics.rigid.narrow.reference import SIGNS, polyhedra
 from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold_type
 from wsim.kernels.rigid.narrow import mesh
-from wsim.kernels.rigid.narrow.shape import hulls, shape
-from wsim.kernels.rigid.narrow.triangle import against
-from wsim.physics.rigid.surfaces import beside, hull_tables, tables
+from wsim.kernels.rigid.narrow.shape import hull_type, shape_type
+from wsim.kernels.rigid.narrow.triangle import triangle_func
+from wsim.physics.rigid.surfaces import adjacent_faces, hull_tables, mesh_surface_tables
 
 KINDS = frozenset(("sphere", "capsule", "box", "hull"))
 STILL = np.array([0.0, 0, 0, 0, 0, 0, 1])
@@ -23,8 +23,9 @@ both = pytest.mark.parametrize("real", PRECISIONS, ids=("f32", "f64"))
 
 @cache
 def kernel(real):
-    t, Shape, Hulls, Manifold, Surfaces = types(real), shape(real), hulls(real), manifold(real), mesh.surfaces(real)
-    made, seen = against(KINDS, real), mesh.relative(real)
+    t, Shape, Hulls, Manifold, Surfaces = (types(real), shape_type(real), hull_type(real), manifold_type(real),
+                                           mesh.mesh_type(real))
+    made, seen = triangle_func(KINDS, real), mesh.relative_pose_func(real)
 
     @wp.kernel(module="unique", enable_backward=False)
     def touch(a: wp.array(dtype=Shape), H: Hulls, S: Surfaces, pose: wp.array(dtype=t.transform), still: t.transform,
@@ -39,11 +40,11 @@ def kernel(real):
 
 def meet(rows, pose, surface, margin, real, of=()):
     """(manifolds in the shapes' frames, (shape, face) of each) of all shapes with all faces of a mesh at rest."""
-    t, n, keep = types(real), len(rows), tables([surface], real, WHERE["device"])
-    H = hull_tables(of, real, WHERE["device"]) if of else hulls(real)()
+    t, n, keep = types(real), len(rows), mesh_surface_tables([surface], real, WHERE["device"])
+    H = hull_tables(of, real, WHERE["device"]) if of else hull_type(real)()
     where = np.array([(i, f) for i in range(n) for f in range(len(surface[1]))], np.int32)
     poses_of = wp.array(np.ascontiguousarray(np.broadcast_to(pose, (n, 7))), dtype=t.transform, **WHERE)
-    out = wp.zeros(len(where), dtype=manifold(real), **WHERE)
+    out = wp.zeros(len(where), dtype=manifold_type(real), **WHERE)
     wp.launch(kernel(real), len(where), [shapes(rows, real), H, keep[0], poses_of, t.transform(*STILL),
                                          wp.array(where, dtype=wp.vec2i, **WHERE), margin], [out], **WHERE)
     m = out.numpy()
@@ -73,9 +74,9 @@ def cube():
 
 def test_neighbours_across_edges():
     faces = np.array([(0, 1, 2), (2, 1, 3), (4, 5, 6), (4, 5, 7)])
-    assert beside(faces).tolist() == [[-1, 1, -1], [0, -1, -1], [-1, -1, -1], [-1, -1, -1]]
+    assert adjacent_faces(faces).tolist() == [[-1, 1, -1], [0, -1, -1], [-1, -1, -1], [-1, -1, -1]]
     closed = cube()[1]
-    around = beside(closed)
+    around = adjacent_faces(closed)
     assert (around >= 0).all()
     for f, row in enumerate(around):
         for k, g in enumerate(row):

@@ -6,19 +6,19 @@ import warp as wp
 
 from tests.physics.rigid.test_contact import Seen, ball, box, free, world
 from wsim.kernels.rigid import launches
-from wsim.kernels.rigid.kinds import spread
+from wsim.kernels.rigid.kinds import first_of_thread
 from wsim.physics.rigid import forms
 
 
 @wp.kernel(module="rigid_spread", enable_backward=False)
 def begins(threads: int, first_out: wp.array(dtype=int)):
     i = wp.tid()
-    first_out[i] = spread(i, threads)
+    first_out[i] = first_of_thread(i, threads)
 
 
 @pytest.fixture(autouse=True)
 def coloured(monkeypatch):
-    monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form("coloured"))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes: forms.ContactPassForm("coloured"))
 
 
 def heap(n: int = 40) -> list:
@@ -89,7 +89,7 @@ def test_the_order_within_a_colour_changes_no_bit():
 def test_launches_of_passes_and_colours_give_the_bits_of_one_launch(monkeypatch):
     """With more colours than have a launch of their own."""
     def ends(name: str) -> bytes:
-        monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form(name))
+        monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes: forms.ContactPassForm(name))
         spots = [(0.6 * (k % 5) - 1.2, 1.4, 0.6 * (k // 5) - 1.2) for k in range(25)]
         sim = world(box("/plate", (0.0, 0.6, 0.0), (2.0, 0.5, 2.0)), *heap(10)[5:],
                     *[box(f"/top{k}", at, (0.25, 0.25, 0.25), rest=0.3) for k, at in enumerate(spots)], precision="float32")
@@ -146,7 +146,7 @@ def test_a_heap_without_weight_keeps_its_momentum():
 
 def test_a_form_has_a_name_of_the_table():
     with pytest.raises(ValueError, match="there are listed, coloured, block, cluster, launches"):
-        forms.Form("quick")
+        forms.ContactPassForm("quick")
 
 
 def test_threads_of_all_blocks_share_the_constraints_of_a_colour():

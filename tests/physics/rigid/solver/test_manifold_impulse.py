@@ -7,8 +7,8 @@ import pytest
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.complementarity.manifold_impulse import impulses
-from wsim.kernels.rigid.impulse import tangent
+from wsim.kernels.rigid.complementarity.manifold_impulse import manifold_impulse_func
+from wsim.kernels.rigid.impulse import tangent_func
 
 BEARING = (2.0, 0.5, 0.1, 0.0)
 
@@ -16,7 +16,7 @@ BEARING = (2.0, 0.5, 0.1, 0.0)
 @pytest.fixture(scope="module")
 def solve():
     """(A, before, wanted, soft, near, acts), each of n problems -> P - P_0."""
-    t, one = types(wp.float64), impulses(wp.float64)
+    t, one = types(wp.float64), manifold_impulse_func(wp.float64)
 
     def rows(A: wp.array(dtype=t.mat44), before: wp.array(dtype=t.vec4), wanted: wp.array(dtype=t.vec4),
              soft: wp.array(dtype=t.vec4), near: wp.array(dtype=t.vec4), acts: wp.array(dtype=wp.vec4i),
@@ -87,7 +87,7 @@ def test_four_corners_of_a_square_bear_alike(solve):
 
 @pytest.mark.parametrize("n", [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.6, -0.8, 0.0), (-0.5773503, 0.5773503, -0.5773502)])
 def test_a_tangent_is_a_unit_vector_across(n):
-    found, first = wp.zeros(1, dtype=wp.vec3d, device="cpu"), tangent(wp.float64)
+    found, first = wp.zeros(1, dtype=wp.vec3d, device="cpu"), tangent_func(wp.float64)
 
     def one(n: wp.vec3d, out: wp.array(dtype=wp.vec3d)):
         out[0] = first(n)

@@ -16,7 +16,7 @@ FORMS = ("listed", "coloured")
 
 @pytest.fixture(params=FORMS, autouse=True)
 def form(request, monkeypatch):
-    monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form(request.param))
+    monkeypatch.setattr(forms, "choose_pass_form", lambda device, shapes: forms.ContactPassForm(request.param))
 
 
 def sleepy(*bodies, speed: float = 0.05, **more) -> Simulation:

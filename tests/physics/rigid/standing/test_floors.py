@@ -6,9 +6,9 @@ import pytest
 from tests.physics.rigid.narrow.test_triangles import cube, floor
 from tests.physics.rigid.pairs import WHERE
 from tests.physics.rigid.test_contact import G, Seen, ball, box, tilted
-from wsim.physics.rigid.solids import as_met
+from wsim.physics.rigid.solids import contact_shape_of
 from wsim.scene import Collider, Scene, Surface, shapes
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
@@ -140,9 +140,9 @@ def closed() -> Surface:
     ("boundingCube", "box"), ("boundingSphere", "sphere")])
 def test_a_mesh_that_stands_is_met_as_its_approximation_says(approximation, kind):
     """A bowl, hollow and open; a cube is convex, and its own hull whatever is said but for the bounds."""
-    met = as_met(Collider("/c", bowl(), approximation=approximation), False)
+    met = contact_shape_of(Collider("/c", bowl(), approximation=approximation), False)
     assert met.kind == kind
-    cubic = as_met(Collider("/c", closed(), approximation=approximation), False)
+    cubic = contact_shape_of(Collider("/c", closed(), approximation=approximation), False)
     assert cubic.kind == (kind if kind in ("box", "sphere") else "hull")
 
 
@@ -160,5 +160,5 @@ def test_a_decomposition_of_what_is_hollow_is_a_warning_with_a_mend():
     scene = Scene()
     scene.add(ball("/ball", (0.0, 1.0, 0.0)))
     scene.collider("/bowl", bowl(), approximation="convexDecomposition")
-    (problem,) = [p for p in check(scene) if p.path == "/bowl"]
+    (problem,) = [p for p in check_scene(scene) if p.path == "/bowl"]
     assert not problem.fatal and "as one hull" in problem.text and "mend: " in problem.text

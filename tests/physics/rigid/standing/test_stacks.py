@@ -7,14 +7,14 @@ import pytest
 
 from tests.physics.rigid.pairs import WHERE
 from tests.physics.rigid.standing.test_statics import frame, stone
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Cylinder, Plane, Scene, Sphere
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
 
-UPRIGHT = about_axis(np.array([1.0, 0.0, 0.0]), 0.5 * np.pi)          # y to z
+UPRIGHT = axis_rotation_matrix(np.array([1.0, 0.0, 0.0]), 0.5 * np.pi)  # y to z
 STEPS = 33             # of ten dice: sqrt(10^2 9.81 / 0.016 / 0.04) / (pi / 2) / 24
 SUNK, TILT = 0.05, 1.0                                                 # of the smallest body; [degrees]
 
@@ -55,7 +55,7 @@ def tower() -> Scene:
 def arch(thickness: float, stones: int = 17) -> Scene:
     scene, angle = floor(0.8), np.pi / stones
     for k in range(stones):
-        R = UPRIGHT @ about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.pi - (k + 0.5) * angle)
+        R = UPRIGHT @ axis_rotation_matrix(np.array([0.0, 0.0, 1.0]), 0.5 * np.pi - (k + 0.5) * angle)
         shape = Collider(f"/b{k}/shape", stone(thickness, angle), static_friction=0.8, dynamic_friction=0.8)
         scene.add(Body(f"/b{k}", [shape], frame(R, R @ (0.0, 1.0, 0.0))))
     return scene

@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.rigid.pairs import WHERE
 from tests.physics.rigid.test_contact import UP, G, Seen
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Surface
 from wsim.scene.curve import Motion
@@ -41,7 +41,7 @@ def arch(thickness: float, stones: int = 17, rub: float = 0.8) -> list[Body]:
     bodies = []
     for k in range(stones):
         turn = 0.5 * np.pi - (k + 0.5) * angle
-        R = about_axis(np.array([0.0, 0.0, 1.0]), turn)
+        R = axis_rotation_matrix(np.array([0.0, 0.0, 1.0]), turn)
         shape = Collider(f"/stone{k}/shape", stone(thickness, angle), static_friction=rub, dynamic_friction=rub)
         bodies.append(Body(f"/stone{k}", [shape], frame(R, R @ (0.0, 1.0, 0.0))))
     return bodies
@@ -63,7 +63,7 @@ LENGTH, ROUND, LEAN = 1.0, 0.02, np.radians(30.0)
 
 def card(path: str, side: float, rub: float) -> Body:
     """Leans by LEAN towards x = 0 from x of the sign -side; two rounds, of which the lower stands on the ground."""
-    R = about_axis(np.array([0.0, 0.0, 1.0]), -side * LEAN)
+    R = axis_rotation_matrix(np.array([0.0, 0.0, 1.0]), -side * LEAN)
     ends = [Collider(f"{path}/{name}", Capsule(ROUND, 0.3), Motion.at_place((0.0, y, 0.0)), static_friction=rub,
                      dynamic_friction=rub) for name, y in (("foot", -0.5 * LENGTH), ("top", 0.5 * LENGTH))]
     foot = np.array([-side * (LENGTH * np.sin(LEAN) + ROUND), ROUND, 0.0])
@@ -93,7 +93,7 @@ def house(rub: float) -> list[Body]:
 
     def one(path: str, x: float, y: float, turn: float, size=half) -> Body:
         shape = Collider(f"{path}/shape", Box(size), static_friction=rub, dynamic_friction=rub)
-        return Body(path, [shape], frame(about_axis(np.array([0.0, 0.0, 1.0]), turn), (x, y, 0.0)))
+        return Body(path, [shape], frame(axis_rotation_matrix(np.array([0.0, 0.0, 1.0]), turn), (x, y, 0.0)))
 
     apart = 4.0 * inner + 0.02
     bodies = [one(f"/pair{k}_{s > 0}", x - s * inner, y, -s * lean)

@@ -9,10 +9,10 @@ from pxr import Usd, UsdGeom
 
 from tests.physics.rigid.test_contact import UP, ball, box
 from tests.physics.rigid.touch.touching import Mixed, rim, run, scene
-from wsim.cli.run import prepare
-from wsim.geometry.tetra.lattice import box as block
+from wsim.cli.run import prepare_recorded_run
+from wsim.geometry.tetra.lattice import tet_box as block
 from wsim.scene import Plane, Scene, SceneError
-from wsim.scene.check.scene import check
+from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.scene.solid import Bulk
 from wsim.simulation.simulation import Simulation
@@ -33,7 +33,7 @@ def test_a_run_goes_on_to_the_bit_and_holds_points_and_transforms(way, tmp_path)
 
     def end(output: str, frames: int, restart: str | None = None) -> Simulation:
         loaded = replace(load(tmp_path / "s.usda"), frames=frames)
-        job = prepare(loaded, output, lambda s: Simulation(s, **CPU), restart=restart)
+        job = prepare_recorded_run(loaded, output, lambda s: Simulation(s, **CPU), restart=restart)
         job.frames()
         return job.simulation
     one = end(whole, 8)
@@ -53,7 +53,7 @@ def test_a_run_goes_on_to_the_bit_and_holds_points_and_transforms(way, tmp_path)
 def test_the_example_loads_as_such():
     found = load(SCENES / "ball_into_cloth.usda")
     assert len(found.things("Body")) == 3 and len(found.cloths) == 1 and not found.notes
-    assert not [p for p in check(found) if "rigid" in p.text]
+    assert not [p for p in check_scene(found) if "rigid" in p.text]
 
 
 def test_worlds_are_copies():

@@ -48,7 +48,7 @@ class Mixed:
     def __init__(self, sim: Simulation):
         s, w = sim.plan.state, sim.plan.ports.constants.w.numpy().astype(np.float64)
         self.m = np.where(w > 0.0, 1.0 / np.maximum(w, 1e-300), 0.0)
-        self.v = (s.b if s.has("b") else s.v).numpy().astype(np.float64)         # leapfrog's own is half a step before
+        self.v = (s.b if s.has_point_field("b") else s.v).numpy().astype(np.float64)  # leapfrog's own is half a step before
         method = sim.plan.method("rigid")
         self.near = np.array(["far" not in body.path for body, _ in method.bodies])
         self.p, self.speeds, self.spins = method.get("p"), method.velocities(), method.spins()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.physics.solver.test_newton_adjoint import Probe
-from wsim.physics.schwarz import solver, tree
-from wsim.physics.schwarz.bisection import bisect
+from wsim.physics.solver.schwarz import solver, tree
+from wsim.physics.solver.schwarz.bisection import bisect_coordinates
 from wsim.scene import Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
@@ -78,12 +78,12 @@ class Sheet(Probe):
 
 def test_bisection_leaves_parts_of_equal_size_that_hang_together():
     points = np.random.default_rng(1).random((1000, 3)) * (4.0, 1.0, 0.01)
-    part = bisect(points, 6)
+    part = bisect_coordinates(points, 6)
     counts = np.bincount(part, minlength=64)
     assert counts.min() == 15 and counts.max() == 16
     spread = [np.ptp(points[part == k, :2], axis=0).max() for k in range(64)]
     assert max(spread) < 0.5                                         # the square of 1/16 has sides of 0.25
-    assert np.array_equal(bisect(np.zeros((5, 3)), 3), bisect(np.zeros((5, 3)), 3))
+    assert np.array_equal(bisect_coordinates(np.zeros((5, 3)), 3), bisect_coordinates(np.zeros((5, 3)), 3))
 
 
 @pytest.mark.parametrize("points, levels, run", [(8, 1, 16), (1, 2, 3)])
@@ -176,7 +176,7 @@ def test_a_tree_has_each_point_once_and_each_pair_of_leaves_once():
     points = np.random.default_rng(5).random((700, 3))
     first = np.arange(0, 2101, 3)
     column = (np.repeat(np.arange(700), 3) + np.tile([1, 2, 5], 700)) % 700
-    found = tree.build(points, np.array([0, 300, 700]), first, column)
+    found = tree.build_domain_tree(points, np.array([0, 300, 700]), first, column)
     assert np.array_equal(np.sort(found.order), np.arange(700)) and np.diff(found.first).max() <= 8
     assert len(np.unique(found.pair, axis=0)) == len(found.pair) and (found.pair[:, 0] <= found.pair[:, 1]).all()
     assert found.rank.max() < 32

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.physics.solver.schwarz.test_schwarz import sheet
-from wsim.physics.schwarz import solver
 from wsim.physics.solver import newton
+from wsim.physics.solver.schwarz import solver
 from wsim.scene import Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation

@@ -15,7 +15,7 @@ from tools.bench.rigid.answers.case import Case, Figure
 from tools.bench.rigid.answers.rolling import named
 from tools.bench.rigid.answers.shapes import SIDE, floor, prism
 from tools.bench.rigid.answers.stage import RATES, G, Stage
-from wsim.scene.bodies import Unnamed
+from wsim.scene.bodies import DefaultCount
 
 R = 0.3
 
@@ -94,7 +94,7 @@ def roll(precision: str, sides: int, v: float, rate, ground: str = "plane", seco
 def chosen(precision: str, lean: float) -> tuple[list[Figure], float]:
     """A prism of 64 sides, with substeps of `auto`: on the level from 5 m/s for 2 s; down a slope from rest for 4 s, where they
     come once MANY facets pass, late by as much as a level prism loses at that rate (2 %)."""
-    stage = Stage(24.0, Unnamed(10), lean=lean)
+    stage = Stage(24.0, DefaultCount(10), lean=lean)
     floor(stage, "plane", 90.0 * R)
     v, seconds = (0.0, 4.0) if lean else (5.0, 2.0)
     stage.body("/prism", prism(64, R, 0.1), (-20.0, 0.0, R * cos(pi / 64)), on_side(64), (v, 0.0, 0.0), (0.0, v / R, 0.0))

@@ -13,7 +13,7 @@ from tools.bench.rigid.answers.rolling import named
 from tools.bench.rigid.answers.stage import RATES, G, Stage, turned
 from tools.bench.rigid.overlap import overlaps
 from tools.bench.rigid.problems import PROBLEMS
-from wsim.geometry.rotation import quaternion
+from wsim.geometry.rotation import matrix_quat
 from wsim.scene import Box, Plane
 
 
@@ -35,7 +35,7 @@ def played(name: str, precision: str):
 
 
 def states(track) -> dict[str, np.ndarray]:
-    return {"x": track.x[1:], "q": quaternion(track.R[1:]), "v": track.v[1:], "w": track.w[1:]}
+    return {"x": track.x[1:], "q": matrix_quat(track.R[1:]), "v": track.v[1:], "w": track.w[1:]}
 
 
 def bounces(precision: str) -> tuple[list[Figure], float]:
@@ -78,7 +78,7 @@ def pile(precision: str, rate, gap: float, lean: float, half: float = 0.2, secon
         turn = turned(rng.normal(size=3), np.degrees(rng.uniform(0.0, lean)))
         stage.body(f"/box{k}", Box((half,) * 3), place + rng.uniform(-0.1, 0.1, 3) * half + (0.0, 0.0, 2.0 * half), turn)
     track = stage.run(seconds, precision)
-    deep = [overlaps(track.x[f], quaternion(track.R[f]), np.full((track.x.shape[1], 3), half)).max(initial=0.0)
+    deep = [overlaps(track.x[f], matrix_quat(track.R[f]), np.full((track.x.shape[1], 3), half)).max(initial=0.0)
             for f in range(0, len(track.t), 2)]
     return [Figure(f"worst overlap, at {2.0 * np.argmax(deep) / rate[0]:.2f} s", 1e3 * float(max(deep)), 10.0, "mm"),
             Figure("worst overlap at the end", 1e3 * float(deep[-1]), 10.0, "mm"),

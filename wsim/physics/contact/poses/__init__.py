@@ -3,7 +3,7 @@
 The device evaluates them before the frame, for all substeps (kernels/animation/motion.py; of other kinds than linear keys, or
 in stacks, kernels/animation/track.py; then kernels/animation/collider.py), from keys that were uploaded once, or when a motion
 was set. In float64, rounded once at the end. What does not move stays as it was uploaded. Motions that are no keys (those that
-`wsim.gradient` shifts) are evaluated on the host (`Rows.poses`).
+`wsim.gradient` shifts) are evaluated on the host (`ColliderRowTable.poses`).
 """
 
 from typing import Any
@@ -13,32 +13,32 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.model.launches import LaunchList
-from wsim.physics.contact.colliders import Rows
+from wsim.physics.contact.colliders import ColliderRowTable
 
 HOST_MOST = 0          # moving colliders that the host evaluates: tests compare both
 
 
-class Poses:
-    """Poses of the rows of a table (`wsim.kernels.contact.project.tables`), whose four columns it owns."""
+class ColliderPoses:
+    """Poses of the rows of a table (`wsim.kernels.contact.project.contact_tables`), whose four columns it owns."""
 
     few: np.ndarray                      # distinct colliders that the host evaluates before each frame
     many: np.ndarray                     # and the device
     forming: list                        # meshes that deform, and their rows
 
-    def __init__(self, rows: Rows, table, device, real):
+    def __init__(self, rows: ColliderRowTable, table, device, real):
         self.rows, self.table, self.device, self.real = rows, table, device, real
         self.dtype = np.float32 if real is wp.float32 else np.float64
         self.found: tuple[np.ndarray, ...] = ()          # of the host: pose, step, ball, stride
-        self.device_rows: Any = None                     # `DeviceRows`, once there are some
+        self.device_rows: Any = None                     # `DeviceColliderRows`, once there are some
 
     def frame(self, substeps: int) -> None:
         """Room for so many substeps; what was there is lost."""
         t, c, n = types(self.real), self.table, max(len(self.rows.collider), 1)
 
-        def zeros(length, dtype):
+        def zeros_for_poses(length, dtype):
             return wp.zeros((length, n), dtype=dtype, device=self.device)
-        c.of.pose, c.of.step = zeros(substeps + 1, t.transform), zeros(substeps, t.transform)
-        c.ball, c.stride = zeros(substeps, t.vec4), zeros(substeps, t.scalar)
+        c.of.pose, c.of.step = zeros_for_poses(substeps + 1, t.transform), zeros_for_poses(substeps, t.transform)
+        c.ball, c.stride = zeros_for_poses(substeps, t.vec4), zeros_for_poses(substeps, t.scalar)
         columns = c.of.pose, c.of.step, c.ball, c.stride
         self.found = tuple(array.numpy() for array in columns)           # on a CPU the arrays themselves
 
@@ -49,23 +49,23 @@ class Poses:
         if len(rows.collider) == 0:
             return
         if changed:
-            self._sort()
+            self._split_host_and_device()
         number = np.setdiff1d(np.arange(len(rows.colliders)), self.many) if changed else self.few
         if len(number):
             self._upload(number, time + dt * np.arange(self.table.of.pose.shape[0]) / self.table.ball.shape[0], gap)
         if len(self.many):
             if self.device_rows is None:
-                self.device_rows = DeviceRows(self.table, self.device, self.real)
+                self.device_rows = DeviceColliderRows(self.table, self.device, self.real)
             if changed:
                 self.device_rows.take(rows, self.many, gap, dt)
             self.device_rows.launch(time)
         for mesh, own in self.forming:
             if "skin" not in mesh.device:
-                from wsim.physics.contact.poses.extents import Keyed
-                mesh.device["skin"] = Keyed(mesh, self.real, self.device)
+                from wsim.physics.contact.poses.extents import KeyedMesh
+                mesh.device["skin"] = KeyedMesh(mesh, self.real, self.device)
             mesh.device["skin"].frame(time, dt, self.table, own)
 
-    def _sort(self) -> None:
+    def _split_host_and_device(self) -> None:
         """Divides the distinct colliders between the device and the host."""
         rows = self.rows
         forming = np.array([m is not None and m.moves for m in rows.meshes])
@@ -96,29 +96,30 @@ class Poses:
                 array.assign(every)
 
 
-class DeviceRows:
+class DeviceColliderRows:
     """Tables and kernels of colliders that the device evaluates."""
 
     def __init__(self, table, device, real):
         from wsim.kernels.animation import collider
         from wsim.model import kernel_cache
-        from wsim.physics.contact.poses.sampled import Sampled
+        from wsim.physics.contact.poses.sampled import SampledMotions
         module = f"wsim_poses_{types(real).name}"
-        self.table, self.device, self.sampled = table, device, Sampled(device, module)
-        self.movers, self.place = collider.Movers(), collider.place(real, module)
-        kernel_cache.load(module, device)
+        self.table, self.device, self.sampled = table, device, SampledMotions(device, module)
+        self.movers, self.place = collider.MovingColliders(), collider.collider_pose_kernel(real, module)
+        kernel_cache.load_kernel_module(module, device)
 
-    def take(self, rows: Rows, many: np.ndarray, gap: np.ndarray, dt: float) -> None:
+    def take(self, rows: ColliderRowTable, many: np.ndarray, gap: np.ndarray, dt: float) -> None:
         """Uploads motions and rows of the distinct colliders `many`; gap: of all rows [m]; dt: of a frame [s]."""
-        def array(values, dtype):
+        def upload_row_column(values, dtype):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
         m, c, substeps = self.movers, self.table, self.table.ball.shape[0]
         self.sampled.take([rows.colliders[k].motion for k in many], dt * np.arange(substeps + 1) / substeps)
         own = np.flatnonzero(np.isin(rows.collider, many))
         of, center = rows.collider[own], rows.centers()
-        m.row, m.motion = array(own.astype(np.int32), int), array(self.sampled.row[np.searchsorted(many, of)], int)
-        m.origin, m.gap = array(rows.origin[own], wp.vec3d), array(gap[own], wp.float64)
-        m.ball = array(np.concatenate([center, rows.radius[:, None]], axis=1)[of], wp.vec4d)
+        m.row, m.motion = (upload_row_column(own.astype(np.int32), int),
+                           upload_row_column(self.sampled.row[np.searchsorted(many, of)], int))
+        m.origin, m.gap = upload_row_column(rows.origin[own], wp.vec3d), upload_row_column(gap[own], wp.float64)
+        m.ball = upload_row_column(np.concatenate([center, rows.radius[:, None]], axis=1)[of], wp.vec4d)
         self.sequence = LaunchList(self.device, [*self.sampled.launches(), (
             self.place, (len(own), substeps + 1), [m, self.sampled.A, self.sampled.p], [c.of.pose, c.of.step, c.ball])])
 

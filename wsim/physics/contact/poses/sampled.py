@@ -6,51 +6,51 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import axis_angle, polar
+from wsim.geometry.rotation import axis_angle, polar_decomposition
 from wsim.scene.curve import Motion
 
 
-def keys(motion: Motion) -> tuple[np.ndarray, ...]:
-    """Columns of `wsim.kernels.animation.motion.Keys` behind the first, of one motion."""
+def linear_key_columns(motion: Motion) -> tuple[np.ndarray, ...]:
+    """Columns of `wsim.kernels.animation.motion.MotionKeys` behind the first, of one motion."""
     whole = motion.values[:, :3, :3]
-    R, S = polar(whole)
+    R, S = polar_decomposition(whole)
     axis, angle = axis_angle(np.swapaxes(R[:-1], 1, 2) @ R[1:])
     return (motion.times, motion.values[:, :3, 3], whole, R, S, np.concatenate([axis, [[1.0, 0.0, 0.0]]]),
             np.append(angle, 0.0))
 
 
-class Linear:
+class LinearMotions:
     """Keys of plain motions on the device, and the kernel that samples them."""
 
     def __init__(self, device, module):
         from wsim.kernels.animation import motion
-        self.device, self.keys, self.sample = device, motion.Keys(), motion.sample(module)
+        self.device, self.keys, self.sample = device, motion.MotionKeys(), motion.motion_sample_kernel(module)
         self.known: dict[int, tuple[Motion, tuple]] = {}
 
     def take(self, motions: list[Motion]) -> None:
         """Uploads them; what was there before is not worked out again."""
-        def array(values, dtype):
+        def upload_key_column(values, dtype):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
         for number, motion in enumerate(motions):
             if number not in self.known or self.known[number][0] is not motion:
-                self.known[number] = motion, keys(motion)
+                self.known[number] = motion, linear_key_columns(motion)
         each, k = [self.known[number][1] for number in range(len(motions))], self.keys
-        k.first = array(np.concatenate([[0], np.cumsum([len(own[0]) for own in each])]).astype(np.int32), int)
+        k.first = upload_key_column(np.concatenate([[0], np.cumsum([len(own[0]) for own in each])]).astype(np.int32), int)
         columns = [np.concatenate(column) for column in zip(*each, strict=True)]
-        k.time, k.angle = array(columns[0], wp.float64), array(columns[6], wp.float64)
-        k.place, k.axis = array(columns[1], wp.vec3d), array(columns[5], wp.vec3d)
-        k.whole, k.turned, k.stretch = (array(column, wp.mat33d) for column in columns[2:5])
+        k.time, k.angle = upload_key_column(columns[0], wp.float64), upload_key_column(columns[6], wp.float64)
+        k.place, k.axis = upload_key_column(columns[1], wp.vec3d), upload_key_column(columns[5], wp.vec3d)
+        k.whole, k.turned, k.stretch = (upload_key_column(column, wp.mat33d) for column in columns[2:5])
 
     def tables(self) -> list:
         return [self.keys]
 
 
-class Sampled:
+class SampledMotions:
     """Linear parts A and places p [m] of motions at moments of a frame, (motions, moments); `row` is where each stands."""
 
     def __init__(self, device, module: str):
         """module: of the kernel for linear keys."""
-        self.device, self.linear = device, Linear(device, module)
+        self.device, self.linear = device, LinearMotions(device, module)
         self.tracks: Any = None
         self.start = wp.zeros(1, dtype=wp.float64, device=device)
 
@@ -67,8 +67,8 @@ class Sampled:
             self.linear.take([motions[k] for k in order[:self.split]])
         if self.split < len(motions):
             if self.tracks is None:
-                from wsim.physics.contact.poses.tracks import Tracks
-                self.tracks = Tracks(self.device)
+                from wsim.physics.contact.poses.tracks import MotionTracks
+                self.tracks = MotionTracks(self.device)
             self.tracks.take([motions[k] for k in order[self.split:]])
 
     def launches(self) -> list[tuple]:

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.animation import track
-from wsim.kernels.animation.channel import BEZIER, Channels
+from wsim.kernels.animation.channel import BEZIER, ChannelTable
 from wsim.kernels.animation.outside import LINEAR
 from wsim.model import kernel_cache
 from wsim.scene.curve import Curve, Motion, Part, Stack
@@ -17,7 +17,7 @@ COLUMNS = ("time", "code", "x", "part")                 # of channels, a row a k
 ENDS = ("mode", "end", "slope", "growth")               # a row a channel
 
 
-def channels_of(curve: Curve, modes: tuple[int, int] | None = None) -> list[dict[str, np.ndarray]]:
+def curve_channels(curve: Curve, modes: tuple[int, int] | None = None) -> list[dict[str, np.ndarray]]:
     """A channel for each component of a curve. modes: outside of the keys, where the curve itself is held there."""
     n, values, until = len(curve.times), curve.values.reshape(len(curve.times), -1), curve.until.reshape(len(curve.times), -1)
     own = tuple(curve.mode(side) for side in (curve.before, curve.after))
@@ -39,7 +39,7 @@ def channels_of(curve: Curve, modes: tuple[int, int] | None = None) -> list[dict
              "end": ends[k:k + 1], "slope": slope[k:k + 1], "growth": growth[k:k + 1]} for k in range(values.shape[1])]
 
 
-def turns_of(motion: Motion) -> dict[str, np.ndarray]:
+def rotation_track(motion: Motion) -> dict[str, np.ndarray]:
     """Rotations and stretches at the keys of a motion, and what lies between them."""
     of, n = motion.turns, len(motion.times)
     a, b, w = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), np.zeros((n, 3))
@@ -52,7 +52,7 @@ def turns_of(motion: Motion) -> dict[str, np.ndarray]:
             "whole": whole[None]}
 
 
-class Tracks:
+class MotionTracks:
     """Tables of motions, and the kernel that samples them, which has what these motions use."""
 
     def __init__(self, device):
@@ -65,26 +65,26 @@ class Tracks:
         found = []
         for k, motion in enumerate(motions):
             if k not in self.known or self.known[k][0] is not motion:
-                self.known[k] = motion, packed(motion)
+                self.known[k] = motion, pack_motion(motion)
             found.append(self.known[k][1])
         parts, channels, turns = ([one for own in found for one in own[j]] for j in range(3))
         self._parts(parts, np.cumsum([0, *(len(own[0]) for own in found)]))
-        self._channels(channels)
+        self._upload_channels(channels)
         self._turns(turns)
         codes = np.unique([*np.unique(np.concatenate([c["code"] for c in channels] or [np.zeros(0, int)])), 0]).tolist()
         whats = tuple(sorted({p["what"] for p in parts}))
         names = tuple(BY_CODE[c] for c in codes if c > BEZIER)
         self.form = tuple(codes), names, whats
         module = f"wsim_tracks_{'_'.join(map(str, (*codes, 'of', *whats)))}"
-        self.sample = track.sample(*self.form, module)
-        kernel_cache.load(module, self.device)
+        self.sample = track.track_sample_kernel(*self.form, module)
+        kernel_cache.load_kernel_module(module, self.device)
 
     def _array(self, values, dtype) -> wp.array:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
 
     def _parts(self, parts: list[dict], first: np.ndarray) -> None:
         """Parts know their channels and motions by keys by numbers of their own motion; here they get those of all."""
-        table = self.parts = track.Parts()
+        table = self.parts = track.StackParts()
         table.first = self._array(first.astype(np.int32), int)
         widths = np.array([p["channels"] for p in parts], np.int64)
         channel = np.cumsum(widths) - widths
@@ -95,8 +95,8 @@ class Tracks:
         M = np.array([p["matrix"] for p in parts]).reshape(-1, 4, 4)
         table.linear, table.offset = self._array(M[:, :3, :3], wp.mat33d), self._array(M[:, :3, 3], wp.vec3d)
 
-    def _channels(self, channels: list[dict]) -> None:
-        table = self.channels = Channels()
+    def _upload_channels(self, channels: list[dict]) -> None:
+        table = self.channels = ChannelTable()
         table.first = self._array(np.cumsum([0, *(len(c["time"]) for c in channels)]).astype(np.int32), int)
         types = {"time": (wp.float64, ()), "code": (int, ()), "x": (wp.vec2d, (2,)), "part": (wp.vec4d, (4,)),
                  "mode": (wp.vec2i, (2,)), "end": (wp.vec2d, (2,)), "slope": (wp.vec2d, (2,)), "growth": (wp.vec2d, (2,))}
@@ -106,11 +106,11 @@ class Tracks:
             setattr(table, name, self._array(whole, dtype))
 
     def _turns(self, turns: list[dict]) -> None:
-        table = self.turns = track.Turns()
+        table = self.turns = track.RotationKeys()
         table.first = self._array(np.cumsum([0, *(len(t["q"]) for t in turns)]).astype(np.int32), int)
         types = {"q": wp.quatd, "a": wp.quatd, "b": wp.quatd, "w": wp.vec3d, "S": wp.mat33d, "smooth": int, "end": wp.vec3d,
                  "whole": wp.vec3d}
-        empty = turns_of(Motion.still())
+        empty = rotation_track(Motion.still())
         for name, dtype in types.items():
             whole = np.concatenate([t[name] for t in turns or [empty]])
             setattr(table, name, self._array(whole, dtype))
@@ -123,12 +123,12 @@ class Tracks:
         from wsim.kernels.animation import track_rate
         codes, _, whats = self.form
         module = f"wsim_track_rates_{'_'.join(map(str, (*codes, 'of', *whats)))}"
-        kernel = track_rate.rates(*self.form, module)
-        kernel_cache.load(module, self.device)
+        kernel = track_rate.track_rate_kernel(*self.form, module)
+        kernel_cache.load_kernel_module(module, self.device)
         return kernel
 
 
-def packed(motion: Motion) -> tuple[list, list, list]:
+def pack_motion(motion: Motion) -> tuple[list, list, list]:
     """(parts, channels, turns) of one motion."""
     parts: list[dict] = []
     channels: list[dict] = []
@@ -138,13 +138,13 @@ def packed(motion: Motion) -> tuple[list, list, list]:
         what, axis, M = track.CONSTANT, 0, np.eye(4)
         if isinstance(A, Part):
             what = {SHIFT: track.SHIFT, SCALE: track.SCALE, ELEMENTS: track.ELEMENTS}.get(A.what, track.TURN)
-            axis, own = A.axis, channels_of(A.curve)
+            axis, own = A.axis, curve_channels(A.curve)
             own = own[:12] if what == track.ELEMENTS else own
         elif isinstance(A, Motion):
             what = track.KEYED
-            own = channels_of(A.path)
-            own += channels_of(A.turns.pace, tuple(A.path.mode(side) for side in (A.before, A.after)))  # type: ignore[arg-type]
-            turns.append(turns_of(A))
+            own = curve_channels(A.path)
+            own += curve_channels(A.turns.pace, tuple(A.path.mode(side) for side in (A.before, A.after)))  # type: ignore[arg-type]
+            turns.append(rotation_track(A))
         else:
             M = A
         parts.append({"what": what, "axis": axis, "channels": len(own), "matrix": M})

@@ -7,24 +7,26 @@ import warp as wp
 from wsim.kernels.fluid.adjoint import forces as kernels
 from wsim.kernels.fluid.forces import LIFT, VORTICITY, WEIGHT
 from wsim.kernels.math.real import types
-from wsim.physics.fluid.adjoint.launches import PLAIN, Launches
+from wsim.physics.fluid.adjoint.launches import PLAIN, AdjointLaunches
 
 SIGNS = {"smoke": (WEIGHT, 1.0), "heat": (LIFT, -1.0)}
 
 
 class ForcesAdjoint:
-    def __init__(self, launches: Launches):
+    def __init__(self, launches: AdjointLaunches):
         self.launches, domain = launches, launches.domain
         self.domain, dim, real, module = domain, domain.layout.dim, launches.real, launches.module
-        self.share_kernel, self.scaled = kernels.share(dim, real, module), kernels.scaled(real, module)
+        self.share_kernel, self.scaled = (kernels.face_mean_transpose_kernel(dim, real, module),
+                                          kernels.scaled_field_kernel(real, module))
         self.share = domain.threads.zeros(domain.layout.cells)
         self.field = None                                      # what accelerations at the cells' centres get
         if domain.field is not None:
-            self.fed, self.field = kernels.fed(real, module), domain.threads.zeros(domain.layout.cells, types(real).vec3)
+            self.fed, self.field = (kernels.field_adjoint_kernel(real, module),
+                                    domain.threads.zeros(domain.layout.cells, types(real).vec3))
         if domain.swirling:
             vec3, n = types(real).vec3, domain.layout.cells
-            self.pushed, self.curl = kernels.pushed(real, module), kernels.curl(dim, real, module)
-            self.turned, self.whirled = kernels.confine(dim, real, module)
+            self.pushed, self.curl = kernels.swirl_push_kernel(real, module), kernels.curl_adjoint_kernel(dim, real, module)
+            self.turned, self.whirled = kernels.confinement_adjoint_kernels(dim, real, module)
             self.swirl, self.by_N, self.by_whirl = (domain.threads.zeros(n, vec3) for _ in range(3))
             self.strength = domain.threads.zeros(n)
 
@@ -45,9 +47,9 @@ class ForcesAdjoint:
             if domain.swirling:
                 run.over(self.pushed, cells, [self.share, domain.clock, a, run.real(part)], [self.swirl])
         if domain.swirling:
-            self._confined(by, before)
+            self._confine_adjoint(by, before)
 
-    def _confined(self, by: Any, before: Any) -> None:
+    def _confine_adjoint(self, by: Any, before: Any) -> None:
         run, domain, cells = self.launches, self.domain, self.domain.layout.cells
         run.over(domain.curl, cells, [domain.grid, before], [domain.whirl])
         rows = [domain.grid, domain.live, domain.whirl, self.swirl]

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 
 from wsim.kernels.fluid.adjoint import covering as kernels
-from wsim.physics.collider.table import forms
+from wsim.physics.contact.collider.table import is_deforming_collider
 from wsim.physics.fluid.adjoint.launches import AIR, ROWS
 from wsim.physics.fluid.grid.domain import LIVE
 from wsim.physics.fluid.measure import NAMES
-from wsim.scene.values.coverage import refuse
+from wsim.scene.values.coverage import gradient_refusal
 
 FIELDS = {"smoke": "smoke", "temperature": "heat"}
 SOURCE = {"smoke": kernels.SMOKE, "temperature": kernels.HEAT, "expansion": kernels.EXPANSION}
@@ -48,7 +48,7 @@ class FluidGradient:
             found = np.zeros((*fluid.shape, 3))
             for a, axis in enumerate(layout.axes):
                 by = self.states[arrays[NAMES[a]].ptr].reshape(layout.faces(a))
-                found[..., axis] = layout.unfaced(by, a).reshape(fluid.shape)
+                found[..., axis] = layout.transpose_faced(by, a).reshape(fluid.shape)
             return found
         return np.asarray(self.states[arrays[FIELDS[name]].ptr]).reshape(fluid.shape)
 
@@ -61,7 +61,7 @@ class FluidGradient:
         return found.sum(axis=(0, 1, 2)) if one else found
 
     def air(self, k: int) -> np.ndarray:
-        """Gradient with respect to the rows of `Grid.air`, along the world's axes, (7, 3)."""
+        """Gradient with respect to the rows of `StaggeredGrid.air`, along the world's axes, (7, 3)."""
         rows, found = self.numbers[k][AIR:].reshape(ROWS, 3), np.zeros((ROWS, 3))
         for a, axis in enumerate(self.method.layouts[k].axes):
             found[:, axis] = rows[:, a]
@@ -105,12 +105,12 @@ class FluidGradient:
             things = domain.obstacles.shapes.things if domain.obstacles and domain.obstacles.moving else []
             for j, thing in enumerate(things if domain.world == world else ()):
                 if thing.path == path:
-                    if forms(thing):
-                        raise refuse("forming", path)
+                    if is_deforming_collider(thing):
+                        raise gradient_refusal("forming", path)
                     found += np.stack([frame[k][-1][j][:6].reshape(2, 3) for frame in self.frames])
         if not any(thing.path == path for d in self.method.domains if d.obstacles and d.obstacles.moving
                    for thing in d.obstacles.shapes.things):
-            raise refuse("surface", path)
+            raise gradient_refusal("surface", path)
         return found
 
     # sources

@@ -7,7 +7,7 @@ import warp as wp
 from wsim.kernels.fluid.adjoint import forces, reflection
 from wsim.kernels.fluid.forces import NUMBERS
 from wsim.model import kernel_cache
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.threads import BLOCK
 
@@ -15,7 +15,7 @@ AIR, ROWS = NUMBERS, 7                    # of `numbers`: live ones of the fluid
 PLAIN, TIMED = -1, -2                     # what `collect` multiplies by: 1, the length of the step; else that times a number
 
 
-class Launches:
+class AdjointLaunches:
     """numbers: what live numbers and the velocities of air and sides get, summed over steps, (NUMBERS + 21,) float64."""
 
     def __init__(self, domain: Any):
@@ -26,13 +26,14 @@ class Launches:
         self.parts = threads.blocks(max(*domain.sizes, domain.layout.cells))
         self.part = threads.zeros(self.parts, wp.vec2d)
         self.numbers = threads.zeros(NUMBERS + 3 * ROWS, wp.float64)
-        self.sum_kernel, self.collect_kernel = forces.sum(self.real, self.module), forces.collect(self.real, self.module)
+        self.sum_kernel, self.collect_kernel = (forces.field_sum_kernel(self.real, self.module),
+                                                forces.collect_gradient_kernel(self.real, self.module))
         self.add_kernel, self.keep, self.fetch = (make(self.real, self.module) for make in (
-            reflection.add, reflection.keep, reflection.fetch))
+            reflection.row_addition_kernel, reflection.step_storage_kernel, reflection.step_fetch_kernel))
 
     def load(self) -> None:
         """Compiles the module, once all its kernels are made."""
-        kernel_cache.load(self.module, self.threads.model.device, BLOCK if self.threads.cuda else None)
+        kernel_cache.load_kernel_module(self.module, self.threads.model.device, BLOCK if self.threads.cuda else None)
 
     def collect(self, by: int, factor: float, slot: int, other: int = -1) -> None:
         """The parts of a sum, times a factor, into slots of `numbers`."""
@@ -67,9 +68,9 @@ class Launches:
             wp.copy(b, a)
 
     def struct(self, Struct: Any, **values: Any) -> Any:
-        return filled(Struct, **values)
+        return fill_struct(Struct, **values)
 
 
-def slot(row: int, axis: int) -> int:
+def air_number_slot(row: int, axis: int) -> int:
     """Slot of `numbers`: a component of a row of the air (0: the wind; 1 + 2 a, 2 + 2 a: the sides of an axis)."""
     return AIR + 3 * row + axis

@@ -1,4 +1,4 @@
-"""Adjoint of a step of a fluid (`wsim.physics.fluid.grid.domain.Domain`), and of a frame of them, the last step first.
+"""Adjoint of a step of a fluid (`wsim.physics.fluid.grid.domain.FluidDomain`), and of a frame of them, the last step first.
 
     u' = P y,  y = V(A(u1) v1 + h/2 a(s')),  u1 = 2 w - u,  v1 = 2 w - v,  s' = A(w) s,
     w = P v,  v = V(A(u) u + h/2 a(s))
@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim.kernels.fluid.adjoint import reflection
 from wsim.physics.fluid.adjoint.forces import ForcesAdjoint
-from wsim.physics.fluid.adjoint.launches import Launches
+from wsim.physics.fluid.adjoint.launches import AdjointLaunches
 from wsim.physics.fluid.adjoint.obstacles import ObstaclesAdjoint
 from wsim.physics.fluid.adjoint.projection import ProjectionAdjoint, ViscosityAdjoint
 from wsim.physics.fluid.adjoint.sources import SourcesAdjoint
@@ -29,7 +29,7 @@ class DomainAdjoint:
 
     def __init__(self, domain: Any):
         self.domain = domain
-        self.launches = run = Launches(domain)
+        self.launches = run = AdjointLaunches(domain)
         real, module, threads = run.real, run.module, domain.threads
         self.by, self.by_scalars = domain.faces(), {name: threads.zeros(q.size) for name, q in domain.scalars.items()}
         self.projection = ProjectionAdjoint(run)
@@ -45,8 +45,9 @@ class DomainAdjoint:
         self.carry = [TransportAdjoint(run, t, a, not domain.reflects, False, lost) for a, t in enumerate(domain.carry)]
         t = domain.carry_scalar
         self.carry_scalar: Any = TransportAdjoint(run, t, -1, True, THIRD[t.scheme], lost) if t else None
-        self.reflect, self.mirror = reflection.reflect(real, module), reflection.mirror(real, module)
-        self.last, self.before = reflection.last(real, module), reflection.before(real, module)
+        self.reflect, self.mirror = (reflection.reflection_adjoint_kernel(real, module),
+                                     reflection.mirror_velocity_kernel(real, module))
+        self.last, self.before = reflection.last_step_kernel(real, module), reflection.previous_step_kernel(real, module)
 
     def frame(self, trace: Trace) -> None:
         """Launches the adjoint of a frame."""
@@ -60,16 +61,16 @@ class DomainAdjoint:
         run.over(self.before, 1, [], [domain.done, domain.clock, domain.going])
         self._enter(trace)
         if domain.reflects:
-            self._reflected(trace)
+            self._step_by_reflection(trace)
         else:
-            self._split(trace)
+            self._step_by_splitting(trace)
         if self.obstacles:
             self.obstacles.back()
         trace.fetch("u", self.u)
-        self._begun(trace)
+        self._fetch_scalars(trace)
         self.sources.back(self.u, self.scalars, self.by, self.by_scalars)
 
-    def _begun(self, trace: Trace) -> None:
+    def _fetch_scalars(self, trace: Trace) -> None:
         for name, q in self.scalars.items():
             trace.scalar(name, q)
 
@@ -77,7 +78,7 @@ class DomainAdjoint:
         """Velocity and scalars behind the sources of the step."""
         domain, sources = self.domain, self.domain.sources
         trace.fetch("u", self.u)
-        self._begun(trace)
+        self._fetch_scalars(trace)
         if self.obstacles:
             domain.obstacles.update()
             domain.pressure.multigrid.refresh()
@@ -93,7 +94,7 @@ class DomainAdjoint:
             q = self.scalars[name]
             self.launches.over(kernel, q.size, [domain.live, domain.clock], [q])
 
-    def _reflected(self, trace: Trace) -> None:
+    def _step_by_reflection(self, trace: Trace) -> None:
         run, by, by_v, by_w = self.launches, self.by, self.by_v, self.by_w
         trace.fetch("v", self.v)
         trace.fetch("w", self.w)
@@ -102,23 +103,23 @@ class DomainAdjoint:
             run.over(self.mirror, u.size, [w, u], [u])
         for name, q in self.spare.items():
             trace.scalar(name, q, 1)
-        self._pushed(trace, "y", 0.5, by, self.spare, self.u, self.v)
+        self._pushed_velocity(trace, "y", 0.5, by, self.spare, self.u, self.v)
         run.zero(by_v)
         run.zero(by_w)                                   # of u1 for a while
-        self._carried(self.u, self.v, by, 0.5, by_w, by_v)
+        self._carried_quantity(self.u, self.v, by, 0.5, by_w, by_v)
         run.copy(by_w, by)
         run.zero(by_w)
-        self._scalars(self.w, by_w)
+        self._carry_scalars(self.w, by_w)
         for _, v, u, w in run.each(by_v, by, by_w):
             run.over(self.reflect, v.size, [], [v, u, w])
         self.projection.project(by_w)
         for _, v, w in run.each(by_v, by_w):
             run.add(w, v)
-        self._again(trace)
-        self._pushed(trace, "v", 0.5, by_v, self.scalars, self.u, self.u, projected=False)
-        self._carried(self.u, self.u, by_v, 0.5, by, by)
+        self._repeat_sources(trace)
+        self._pushed_velocity(trace, "v", 0.5, by_v, self.scalars, self.u, self.u, projected=False)
+        self._carried_quantity(self.u, self.u, by_v, 0.5, by, by)
 
-    def _again(self, trace: Trace) -> None:
+    def _repeat_sources(self, trace: Trace) -> None:
         """u behind the sources."""
         domain = self.domain
         trace.fetch("u", self.u)
@@ -126,17 +127,17 @@ class DomainAdjoint:
             out = getattr(self.u, AXES[a])
             self.launches.over(kernel, out.size, [domain.grid, domain.sources.table, domain.clock], [out])
 
-    def _split(self, trace: Trace) -> None:
+    def _step_by_splitting(self, trace: Trace) -> None:
         run, by, by_v = self.launches, self.by, self.by_v
         trace.fetch("u", self.w, 1)
-        self._scalars(self.w, by)
-        self._pushed(trace, "v", 1.0, by, self.scalars, self.u, self.u)
+        self._carry_scalars(self.w, by)
+        self._pushed_velocity(trace, "v", 1.0, by, self.scalars, self.u, self.u)
         run.copy(by, by_v)
         run.zero(by)
-        self._carried(self.u, self.u, by_v, 1.0, by, by)
+        self._carried_quantity(self.u, self.u, by_v, 1.0, by, by)
 
-    def _pushed(self, trace: Trace, name: str, part: float, by: Any, scalars: dict[str, wp.array], u: Any, q: Any,
-                projected: bool = True) -> None:
+    def _pushed_velocity(self, trace: Trace, name: str, part: float, by: Any, scalars: dict[str, wp.array], u: Any, q: Any,
+                         projected: bool = True) -> None:
         """by: cotangent of a projected velocity (else: of the one before), becomes that of q carried along u, before forces."""
         domain = self.domain
         if projected:
@@ -151,11 +152,11 @@ class DomainAdjoint:
         if domain.lifts or domain.swirling:
             self.forces.back(by, part, scalars, self.by_scalars, self.ahead)
 
-    def _carried(self, u: Any, q: Any, by: Any, part: float, u_out: Any, q_out: Any) -> None:
+    def _carried_quantity(self, u: Any, q: Any, by: Any, part: float, u_out: Any, q_out: Any) -> None:
         for a, transport in enumerate(self.carry):
             transport.back(u, getattr(q, AXES[a]), getattr(by, AXES[a]), part, u_out, getattr(q_out, AXES[a]))
 
-    def _scalars(self, u: Any, u_out: Any) -> None:
+    def _carry_scalars(self, u: Any, u_out: Any) -> None:
         """by_scalars of what was carried along u becomes that of what was there."""
         for name, by in self.by_scalars.items():
             out = self.spare[name]

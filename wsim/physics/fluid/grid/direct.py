@@ -15,7 +15,7 @@ MOST = 800               # cells along all axes together. 256 each, a step of sm
 LEAST = 1e-9             # of the greatest eigenvalue: below it is 0
 
 
-def operator(n: int, low: float, high: float, periodic: bool) -> np.ndarray:
+def axis_operator(n: int, low: float, high: float, periodic: bool) -> np.ndarray:
     """T of one axis, (n, n)."""
     T = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     if periodic:
@@ -26,10 +26,10 @@ def operator(n: int, low: float, high: float, periodic: bool) -> np.ndarray:
     return T
 
 
-def halves(n: int, low: float, high: float, periodic: bool) -> tuple[np.ndarray, np.ndarray, int]:
+def even_odd_eigenvectors(n: int, low: float, high: float, periodic: bool) -> tuple[np.ndarray, np.ndarray, int]:
     """Eigenvalues (n,) and eigenvectors (n, n) of T of one axis, and how many of them are even. Where its ends are alike,
     `fold` has been applied to what they act on: the first ones stand for what is even, the others for what is odd."""
-    T = operator(n, low, high, periodic)
+    T = axis_operator(n, low, high, periodic)
     if low != high:
         return *np.linalg.eigh(T), n
     half = 0.5 ** 0.5 * np.ones(n)
@@ -49,19 +49,19 @@ class Direct:
         real, model, dim = threads.model.real, threads.model, layout.dim
         self.threads, self.layout, self.x, self.b = threads, layout, x, b
         self.work = tuple(w[:layout.cells] for w in work)
-        axes = [halves(layout.n[a], layout.low[a], layout.high[a], bool(layout.periodic[a])) for a in range(dim)]
+        axes = [even_odd_eigenvectors(layout.n[a], layout.low[a], layout.high[a], bool(layout.periodic[a])) for a in range(dim)]
         self.even = [even for _, _, even in axes]
         values = np.concatenate([v for v, _, _ in axes])
         self.least = model.real(LEAST * sum(float(v.max()) for v, _, _ in axes))
         self.values = model.upload(values.astype(model.dtype), real)
         self.vectors = [(model.upload(np.ascontiguousarray(Q, model.dtype).ravel(), real),
                          model.upload(np.ascontiguousarray(Q.T, model.dtype).ravel(), real)) for _, Q, _ in axes]
-        self.products = [kernels.product(last, real, threads.module) for last in (False, True)]
+        self.products = [kernels.axis_product_kernel(last, real, threads.module) for last in (False, True)]
         folded = [int(a < dim and self.even[a] < layout.n[a]) for a in range(3)]
         some = [n - n // 2 if by else n for n, by in zip(layout.n, folded, strict=True)]
         self.corner = [wp.vec3i(*layout.n), wp.vec3i(*some), wp.vec3i(*folded)]
         self.some = prod(some)
-        self.folds, self.folded = kernels.fold(dim, real, threads.module), any(folded)
+        self.folds, self.folded = kernels.fold_halves_kernel(dim, real, threads.module), any(folded)
 
     def along(self, axis: int, back: bool, x: wp.array, y: wp.array) -> None:
         """y = Q^T x along an axis, along the last one over the eigenvalues; back: Q x."""

@@ -55,7 +55,7 @@ class Layout:
         """Corners of cells; of a flat fluid in its plane."""
         return tuple(m + (a < self.dim) for a, m in enumerate(self.n))
 
-    def centered(self, u: np.ndarray, axis: int) -> np.ndarray:
+    def component_at_centers(self, u: np.ndarray, axis: int) -> np.ndarray:
         """A component (faces,) at the centres (n), float64."""
         on = np.asarray(u, np.float64).reshape(self.faces(axis))
         ahead = np.roll(on, -1, axis=axis) if self.periodic[axis] else np.delete(on, 0, axis=axis)
@@ -74,15 +74,15 @@ class Layout:
         pad = np.concatenate([np.take(values, [0], axis), values, np.take(values, [-1], axis)], axis)
         return 0.5 * (np.delete(pad, 0, axis) + np.delete(pad, -1, axis))
 
-    def uncentered(self, values: np.ndarray, axis: int) -> np.ndarray:
-        """The transpose of `centered`: of values (n) on the faces."""
+    def transpose_centered(self, values: np.ndarray, axis: int) -> np.ndarray:
+        """The transpose of `component_at_centers`: of values (n) on the faces."""
         half = 0.5 * np.asarray(values, np.float64).reshape(self.n)
         if self.periodic[axis]:
             return half + np.roll(half, 1, axis=axis)
         none = np.zeros_like(np.take(half, [0], axis))
         return np.concatenate([half, none], axis) + np.concatenate([none, half], axis)
 
-    def unfaced(self, values: np.ndarray, axis: int) -> np.ndarray:
+    def transpose_faced(self, values: np.ndarray, axis: int) -> np.ndarray:
         """The transpose of `faced`: of values on the faces at the centres (n)."""
         on = 0.5 * np.asarray(values, np.float64).reshape(self.faces(axis))
         if self.periodic[axis]:

@@ -6,11 +6,11 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.fluid.pressure import FREE, levels
+from wsim.kernels.fluid.pressure import FREE, pressure_levels
 from wsim.kernels.fluid.solver import coarse
 from wsim.kernels.fluid.solver import multigrid as kernels
 from wsim.kernels.math.real import types
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.threads import Threads
 
@@ -21,7 +21,7 @@ AXES = "xyz"
 
 
 @dataclass
-class Grid:
+class MultigridLevel:
     """One level. halved: by which factor each axis is on the way to it."""
 
     table: Any
@@ -35,12 +35,12 @@ class Grid:
         return prod(self.n)
 
 
-def halving(n: tuple[int, ...], periodic: tuple[int, ...]) -> tuple[int, ...]:
+def coarsening_factors(n: tuple[int, ...], periodic: tuple[int, ...]) -> tuple[int, ...]:
     """Factor of each axis to the next coarser level."""
     return tuple(2 if m > 1 and not (p and (m % 2 or (m // 2) % 2)) else 1 for m, p in zip(n, periodic, strict=True))
 
 
-class Multigrid:
+class PressureMultigrid:
     """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual.
     cycles: False where only the finest level is asked for. own: of a free surface, couplings of the cells themselves."""
 
@@ -50,48 +50,50 @@ class Multigrid:
         self.fractions = FREE if own is not None else int(of is not None)
         self.grids = self._build(of, (x, b), cycles, own)
         if cycles:
-            self._kernels()
+            self._make_kernels()
 
-    def _kernels(self) -> None:
+    def _make_kernels(self) -> None:
         threads, dim, has = self.threads, self.layout.dim, self.fractions
         real, module = threads.model.real, threads.module
         small = [k for k, grid in enumerate(self.grids) if grid.cells <= SMALL]
         last = len(self.grids) - 1
         self.first = small[0] if small else last                # of those that one block takes
-        self.sweep = kernels.sweep(dim, has, False, real, module)
-        self.fresh = kernels.sweep(dim, has, True, real, module) if has else kernels.begin(dim, real, module)
-        self.restrict, self.rise = kernels.restrict(dim, has, real, module), kernels.rise(dim, has, real, module)
-        self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if has else []
-        self.collect = kernels.collect(dim, real, module) if has == FREE else None
-        self.coarse = coarse.coarse(dim, has, SWEEPS, COARSEST, real, threads.module_of(coarse.BLOCK))
+        self.sweep = kernels.gauss_seidel_kernel(dim, has, False, real, module)
+        self.fresh = kernels.gauss_seidel_kernel(dim, has, True, real, module) if has else kernels.first_sweep_kernel(dim, real,
+                                                                                                                      module)
+        self.restrict, self.rise = (kernels.restriction_kernel(dim, has, real, module),
+                                    kernels.prolongation_kernel(dim, has, real, module))
+        self.coarsen = [kernels.face_coarsening_kernel(dim, a, real, module) for a in range(dim)] if has else []
+        self.collect = kernels.cell_coarsening_kernel(dim, real, module) if has == FREE else None
+        self.coarse = coarse.small_levels_kernel(dim, has, SWEEPS, COARSEST, real, threads.module_of(coarse.BLOCK))
         self.table = self._table()
 
     def _table(self) -> wp.array:
-        Rung = coarse.rungs(self.threads.model.real)
+        Rung = coarse.coarse_rungs(self.threads.model.real)
         found = []
         for k, grid in enumerate(self.grids[self.first:], self.first):
             halved = self.grids[k + 1].halved if k + 1 < len(self.grids) else (1, 1, 1)
-            found.append(filled(Rung, level=grid.table, halved=wp.vec3i(*halved), x=grid.x, b=grid.b))
+            found.append(fill_struct(Rung, level=grid.table, halved=wp.vec3i(*halved), x=grid.x, b=grid.b))
         return wp.array(found, dtype=Rung, device=self.threads.model.device)
 
-    def _build(self, of: Any, finest: tuple[wp.array, wp.array], deep: bool, own: wp.array | None) -> list[Grid]:
+    def _build(self, of: Any, finest: tuple[wp.array, wp.array], deep: bool, own: wp.array | None) -> list[MultigridLevel]:
         layout, real = self.layout, self.threads.model.real
-        Level, vec3 = levels(real), types(real).vec3
+        Level, vec3 = pressure_levels(real), types(real).vec3
         k: tuple[float, ...] = (1.0, 1.0, 1.0)
         n: tuple[int, ...] = layout.n
         halved: tuple[int, ...] = (1, 1, 1)
-        found: list[Grid] = []
+        found: list[MultigridLevel] = []
         while True:
-            table = filled(Level, n=wp.vec3i(*n), periodic=wp.vec3i(*layout.periodic), k=vec3(*k), low=vec3(*layout.low),
-                           high=vec3(*layout.high))
+            table = fill_struct(Level, n=wp.vec3i(*n), periodic=wp.vec3i(*layout.periodic), k=vec3(*k), low=vec3(*layout.low),
+                                high=vec3(*layout.high))
             for a in range(layout.dim if self.fractions else 0):
                 size = prod(m + (i == a and not layout.periodic[i]) for i, m in enumerate(n))
                 setattr(table, AXES[a], getattr(of, AXES[a]) if not found else self.threads.zeros(size))
             if own is not None:
                 table.own = own if not found else self.threads.zeros(prod(n))
             both = finest if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
-            found.append(Grid(table, n, halved, *both))
-            halved = halving(n, layout.periodic)
+            found.append(MultigridLevel(table, n, halved, *both))
+            halved = coarsening_factors(n, layout.periodic)
             if max(halved) == 1 or not deep:
                 return found
             k = tuple(v * prod(halved) / halved[a] ** 2 for a, v in enumerate(k))
@@ -122,15 +124,15 @@ class Multigrid:
             self.threads.over(self.rise, self.half(grid), [*self.sizes(grid, below), grid.b, below.x, grid.x], [grid.x])
             self.smooth(grid, ((1, 0) * SWEEPS)[1:], False)
 
-    def sizes(self, grid: Grid, below: Grid) -> list:
+    def sizes(self, grid: MultigridLevel, below: MultigridLevel) -> list:
         return [grid.table, wp.vec3i(*below.n), wp.vec3i(*below.halved)]
 
-    def half(self, grid: Grid) -> int:
+    def half(self, grid: MultigridLevel) -> int:
         """Threads for the cells of a colour."""
         last = grid.n[self.layout.dim - 1]
         return grid.cells // last * -(-last // 2)
 
-    def smooth(self, grid: Grid, colors: tuple[int, ...], fresh: bool) -> None:
+    def smooth(self, grid: MultigridLevel, colors: tuple[int, ...], fresh: bool) -> None:
         """Sweeps of these colours; fresh: from x = 0, which need not stand there."""
         if fresh and not self.fractions:
             self.threads.over(self.fresh, grid.cells, [grid.table, grid.b], [grid.x])

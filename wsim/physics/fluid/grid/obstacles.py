@@ -8,29 +8,29 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.fluid import fractions as kernels
-from wsim.kernels.fluid.grid import structs
-from wsim.model.structs import filled
+from wsim.kernels.fluid.grid import grid_structs
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
-from wsim.physics.fluid.grid.shapes import Shapes
+from wsim.physics.fluid.grid.shapes import FluidShapeRows
 from wsim.physics.fluid.grid.threads import Threads
 
 
-class Obstacles:
+class FluidObstacles:
     """open: part of each face that is free; solid: velocity of what covers it [m/s], None where nothing moves."""
 
-    def __init__(self, threads: Threads, layout: Layout, grid: Any, shapes: Shapes, clock: wp.array):
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, shapes: FluidShapeRows, clock: wp.array):
         real, module, dim = threads.model.real, threads.module, layout.dim
         self.threads, self.layout, self.grid, self.shapes, self.clock = threads, layout, grid, shapes, clock
-        Faces, sizes = structs(real).Faces, [prod(layout.faces(a)) for a in range(dim)]
+        Faces, sizes = grid_structs(real).Faces, [prod(layout.faces(a)) for a in range(dim)]
         self.moving = shapes.moving
-        self.open = filled(Faces, **{AXES[a]: threads.zeros(n) for a, n in enumerate(sizes)})
-        self.solid = filled(Faces, **{AXES[a]: threads.zeros(n) for a, n in enumerate(sizes)}) if self.moving else None
+        self.open = fill_struct(Faces, **{AXES[a]: threads.zeros(n) for a, n in enumerate(sizes)})
+        self.solid = fill_struct(Faces, **{AXES[a]: threads.zeros(n) for a, n in enumerate(sizes)}) if self.moving else None
         self.phi = threads.zeros(prod(layout.nodes()))
-        self.nodes = kernels.nodes(dim, shapes.kinds, real, module)
-        self.faces = [kernels.faces(dim, a, real, module) for a in range(dim)]
+        self.nodes = kernels.node_distance_kernel(dim, shapes.kinds, real, module)
+        self.faces = [kernels.face_opening_kernel(dim, a, real, module) for a in range(dim)]
         axes = range(dim if self.moving else 0)
-        self.covers = [kernels.covers(dim, a, shapes.kinds, shapes.bodies, real, module) for a in axes]
+        self.covers = [kernels.cover_velocity_kernel(dim, a, shapes.kinds, shapes.bodies, real, module) for a in axes]
         self.body = [threads.zeros(n, int) for n in sizes] if shapes.bodies else [None] * dim       # of each face; -1: none's
 
     def pose(self, time: float, dt: float) -> None:
@@ -53,6 +53,6 @@ class Obstacles:
         """Velocities [m/s] of what covers the faces of each axis now, on the host."""
         return [getattr(self.solid, AXES[a]).numpy() for a in range(self.layout.dim)]
 
-    def openings(self) -> list[np.ndarray]:
+    def host_openings(self) -> list[np.ndarray]:
         """Open parts of the faces of each axis now, on the host."""
         return [getattr(self.open, AXES[a]).numpy() for a in range(self.layout.dim)]

@@ -8,15 +8,15 @@ import warp as wp
 
 from wsim.kernels.fluid import conjugate, pressure
 from wsim.kernels.fluid.conjugate import CHECK, START, STEP, TURN
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import grid_structs
 from wsim.kernels.fluid.solver import islands, regions
-from wsim.kernels.fluid.solver.divergence import divergence
+from wsim.kernels.fluid.solver.divergence import divergence_kernel
 from wsim.kernels.math.real import types
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.direct import Direct
 from wsim.physics.fluid.grid.layout import Layout
-from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
-from wsim.physics.fluid.grid.obstacles import Obstacles
+from wsim.physics.fluid.grid.multigrid import AXES, PressureMultigrid
+from wsim.physics.fluid.grid.obstacles import FluidObstacles
 from wsim.physics.fluid.grid.threads import Threads
 
 MOST = 60                # iterations: the residual falls tenfold in each
@@ -30,9 +30,9 @@ class Conjugate:
     def __init__(self, threads: Threads, size: int, words: dict[str, wp.array], what: str = "solves"):
         real, module = threads.model.real, threads.module
         self.threads, self.words, self.what, self.parts = threads, words, what, threads.blocks(size)
-        self.dot, self.advance = conjugate.plain(real, module), conjugate.advance(real, module)
-        self.turn = conjugate.turn(real, module)
-        self.conclude_kernel = conjugate.conclude(module)
+        self.dot, self.advance = conjugate.grid_dot_kernel(real, module), conjugate.grid_cg_kernel(real, module)
+        self.turn = conjugate.grid_direction_kernel(real, module)
+        self.conclude_kernel = conjugate.grid_scalars_kernel(module)
         self.part = threads.zeros(self.parts, wp.vec2d)
         self.numbers = threads.zeros(conjugate.NUMBERS, wp.float64)
         self.going = threads.zeros(1, int)
@@ -50,14 +50,14 @@ class Conjugate:
         self.threads.sum(self.advance, self.parts, [self.numbers, p, w], [x, r, self.part])
 
 
-class Pressure:
+class PressureProjection:
     """obstacles: None where there are none. work: arrays of at least as many rows as there are cells, which others use in turn;
     with "free" among them the solve is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
 
-    def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Obstacles | None, expansion: wp.array | None,
-                 work: dict[str, wp.array], words: dict[str, wp.array]):
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: FluidObstacles | None,
+                 expansion: wp.array | None, work: dict[str, wp.array], words: dict[str, wp.array]):
         real, module, dim = threads.model.real, threads.module, layout.dim
-        self.threads, self.layout, self.grid, self.none = threads, layout, grid, filled(structs(real).Faces)
+        self.threads, self.layout, self.grid, self.none = threads, layout, grid, fill_struct(grid_structs(real).Faces)
         open = obstacles.open if obstacles else None
         fractions, moving = obstacles is not None, obstacles is not None and obstacles.moving
         self.open, self.expansion = open or self.none, expansion
@@ -65,23 +65,25 @@ class Pressure:
         forming = obstacles is not None and "forming" in obstacles.shapes.kinds
         self.p, self.r, self.z, self.d, self.w = (work[name][:layout.cells] for name in ("p", "r", "z", "d", "w"))
         self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
-        self.divergence = divergence(dim, fractions, moving, expansion is not None, forming, real, module)
-        self.multiply = (conjugate.refine if "free" in work else conjugate.multiply)(dim, fractions, real, module)
-        self.project_kernels = [pressure.project(dim, a, fractions, moving, real, module) for a in range(dim)]
-        self.multigrid = Multigrid(threads, layout, open, self.z, self.r, "free" not in work)
+        self.divergence = divergence_kernel(dim, fractions, moving, expansion is not None, forming, real, module)
+        self.multiply = (conjugate.refinement_kernel if "free" in work else conjugate.pressure_product_kernel)(dim, fractions,
+                                                                                                               real, module)
+        self.project_kernels = [pressure.projection_kernel(dim, a, fractions, moving, real, module) for a in range(dim)]
+        self.multigrid = PressureMultigrid(threads, layout, open, self.z, self.r, "free" not in work)
         self.direct = Direct(threads, layout, self.z, self.r, (self.w, work["free"])) if "free" in work else None
         self.solver = Conjugate(threads, layout.cells, words)
         self.tolerance = 1e-4
         self.sealed = int(layout.sealed)                       # regions
         self.region: wp.array | None = None
         self.bodies: Any = None                                # that it pushes (`wsim.physics.fluid.grid.floating`)
-        self.gather, self.level = (make(fractions, real, module) for make in (regions.gather, regions.level))
-        self.mean_kernel = regions.mean(module)
-        self.inside = regions.inside(dim, real, module) if moving and layout.sealed else None
+        self.gather, self.level = (make(fractions, real, module)
+                                   for make in (regions.region_sum_kernel, regions.region_level_kernel))
+        self.mean_kernel = regions.region_mean_kernel(module)
+        self.inside = regions.open_region_kernel(dim, real, module) if moving and layout.sealed else None
         self.sums = threads.zeros(self.solver.parts, wp.vec2d)
         self.islands = Islands(threads, layout, False) if moving else None
 
-    def regions(self, region: wp.array | None, count: int) -> None:
+    def set_sealed_regions(self, region: wp.array | None, count: int) -> None:
         """Regions of cells that are sealed from open sides, known before the first frame."""
         self.region, self.sealed = region, count
         self.multigrid.sealed = count == 1
@@ -122,10 +124,10 @@ class Pressure:
         self.solver.sum(self.r, self.r)
         self.solver.conclude(START, self.tolerance)
         if self.direct:
-            self._refine()                                     # almost always enough, and a loop costs a graph some us
-        wp.capture_while(self.solver.going, self._refine if self.direct else self._iterate)
+            self._direct_step()                                # almost always enough, and a loop costs a graph some us
+        wp.capture_while(self.solver.going, self._direct_step if self.direct else self._iterate)
 
-    def _refine(self) -> None:
+    def _direct_step(self) -> None:
         s = self.solver
         if self.direct:
             self.direct.cycle()                                # of r into z
@@ -159,9 +161,10 @@ class Islands:
         """free: of a liquid."""
         real, module, n = threads.model.real, threads.module, layout.cells
         self.threads, self.cells = threads, n
-        self.find_kernels, self.level_kernels = islands.finders(layout.dim, free, real, module), islands.levellers(real, module)
+        self.find_kernels, self.level_kernels = (islands.island_finder_kernels(layout.dim, free, real, module),
+                                                 islands.island_level_kernels(real, module))
         arrays = {name: threads.zeros(n, int) for name in ("parent", "label", "vented", "count")}
-        self.forest = filled(islands.Forest, sum=threads.zeros(n, wp.int64), **arrays)
+        self.forest = fill_struct(islands.Forest, sum=threads.zeros(n, wp.int64), **arrays)
         self.scale = threads.zeros(1, wp.float64)
 
     def find(self, table: wp.array) -> None:
@@ -179,10 +182,10 @@ class Islands:
         over(k.level, self.cells, [self.forest, self.scale], [b])
 
 
-def label(layout: Layout, openings: list[np.ndarray]) -> tuple[np.ndarray, int]:
+def label_sealed_regions(layout: Layout, openings: list[np.ndarray]) -> tuple[np.ndarray, int]:
     """Sealed regions of openings of the faces of each axis: number of each cell, (cells,), -1 where it is none's, and how many
     there are. NumPy; a region is sealed where no face of it is an open side's."""
-    from wsim.geometry.topology import islands as joined
+    from wsim.geometry.topology import labels_of_islands as joined
     index = np.arange(layout.cells).reshape(layout.n)
     edges, vented, used = [], np.zeros(layout.cells, bool), np.zeros(layout.cells, bool)
     for a, o in enumerate(openings):

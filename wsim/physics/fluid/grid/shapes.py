@@ -8,12 +8,12 @@ import warp as wp
 
 from wsim.kernels.fluid import shapes as kernels
 from wsim.model.model import Model
-from wsim.model.structs import filled
-from wsim.physics.collider.table import ColliderTable
-from wsim.physics.contact.mesh import facing
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.mesh import outward_triangles
+from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.fluid.start import bounding_radius
 from wsim.scene import Box, Surface
-from wsim.scene.solids import row
+from wsim.scene.solids import shape_row
 
 PLACES = 64              # on a mesh, where its thickness is looked at
 WALL = 2.0               # cells: half the thickness up to which a liquid has a wall at its side. Thicker ones cover parts of
@@ -26,18 +26,18 @@ def half_thickness(shape: Any) -> float:
     """Half the thickness [m]: of a convex shape its greatest depth on its own axis, of a mesh that of the thinnest tenth of its
     area, of an open one 0."""
     if not isinstance(shape, Surface):
-        found = row(shape)
+        found = shape_row(shape)
         if not np.isfinite(found.ball(shape)):
             return np.inf
         axis = np.outer(np.linspace(-1.0, 1.0, PLACES + 1) * found.ball(shape), (0.0, 0.0, 1.0))
         return float(-found.distance(shape, axis).min())
-    triangles, solid = facing(shape)
+    triangles, solid = outward_triangles(shape)
     if not solid:
         return 0.0
-    return 0.5 * float(np.quantile(thickness(shape.points.astype(np.float64)[triangles]), THINNEST))
+    return 0.5 * float(np.quantile(surface_thickness(shape.points.astype(np.float64)[triangles]), THINNEST))
 
 
-def thickness(corners: np.ndarray) -> np.ndarray:
+def surface_thickness(corners: np.ndarray) -> np.ndarray:
     """How far [m] it is to the surface's other side from places on it, one in each of PLACES equal parts of its area; corners
     (t, 3, 3) of its triangles."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
@@ -66,7 +66,7 @@ def least_thickness(axes: tuple[int, ...], cell: float) -> float:
     return 0.5 * sqrt(len(axes)) * cell
 
 
-def thin(thing: Any, low: np.ndarray, high: np.ndarray, cell: float) -> bool:
+def is_thin_wall(thing: Any, low: np.ndarray, high: np.ndarray, cell: float) -> bool:
     """True of a wall whose sides a liquid keeps apart by segments (kernels/particles/walls.py). What floats is thickened, and
     so is a wall that has one side alone between the corners low and high of a domain, world [m]."""
     if getattr(thing, "body", -1) >= 0 or half_thickness(thing.shape) >= WALL * cell:
@@ -86,7 +86,7 @@ def one_sided(thing: Any, low: np.ndarray, high: np.ndarray, cell: float) -> boo
     return bool((rim | (half >= WALL * cell)).all())
 
 
-class Shapes(ColliderTable):
+class FluidShapeRows(ColliderTable):
     """Shapes of things that have a `shape` and a `motion`, places relative to a corner [m]. walls: what becomes of those that
     the grid is too coarse for: "thick", they are thickened; "thin", a liquid's, they are marked; "", nothing."""
 
@@ -96,13 +96,13 @@ class Shapes(ColliderTable):
         self.cell = cell
         least = least_thickness(axes, cell) if walls else 0.0
         low, high = np.asarray(corner), np.asarray(far)
-        self.thin = np.array([walls == "thin" and thin(thing, low, high, cell) for thing in things], bool)
+        self.thin = np.array([walls == "thin" and is_thin_wall(thing, low, high, cell) for thing in things], bool)
         self.thick = [0.0 if flag or not walls else max(0.0, least - half_thickness(thing.shape))
                       for thing, flag in zip(things, self.thin, strict=True)]
         super().__init__(model, things, corner, self.thick, screw=walls == "thin")
         marked = model.upload(self.thin.astype(np.int32), int)
-        self.table = filled(kernels.structs(model.real).Shapes, of=self.rows, thin=marked, dx=model.real(cell),
-                            axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))))
+        self.table = fill_struct(kernels.fluid_shape_structs(model.real).Shapes, of=self.rows, thin=marked, dx=model.real(cell),
+                                 axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))))
 
     def ball(self, k: int) -> float:
         """Radius about its own origin that holds a shape [m]."""

@@ -21,17 +21,18 @@ class Tiles:
         both = len(scalars) == 2
         self.now = [scalars[0], scalars[1] if both else None]
         self.new, self.less = ([a[:layout.cells], b[:layout.cells] if both else None] for a, b in (work[:2], work[2:]))
-        self.count = prod(kernels.shape(layout.n))
+        self.count = prod(kernels.tile_counts(layout.n))
         self.holds, self.near = (threads.zeros(self.count, int) for _ in range(2))
         self.speed = threads.zeros(1)
-        self.mark_kernel, self.near_kernel = kernels.mark(dim, both, real, module), kernels.near(dim, real, module)
+        self.mark_kernel, self.near_kernel = (kernels.tile_mark_kernel(dim, both, real, module),
+                                              kernels.near_tile_kernel(dim, real, module))
         self.scheme, self.pairs = scheme, False
-        self._kernels(scheme, both)
+        self._make_kernels(scheme, both)
 
-    def _kernels(self, scheme: str, both: bool) -> None:
+    def _make_kernels(self, scheme: str, both: bool) -> None:
         real, module, dim = self.threads.model.real, self.threads.module, self.layout.dim
-        self.carry_kernel = kernels.carry(dim, scheme, THIRD[scheme], both, real, module)
-        self.keep_kernel = kernels.keep(dim, both, real, module)
+        self.carry_kernel = kernels.tile_advection_kernel(dim, scheme, THIRD[scheme], both, real, module)
+        self.keep_kernel = kernels.tile_scalar_kernel(dim, both, real, module)
         self.launches = 6
 
     def mark(self) -> None:
@@ -39,7 +40,7 @@ class Tiles:
         self.holds.zero_()
         self.threads.over(self.mark_kernel, self.layout.cells, [self.grid, *self.now], [self.holds])
 
-    def approach(self, u: Any, clock: wp.array) -> None:
+    def find_near_tiles(self, u: Any, clock: wp.array) -> None:
         """Finds the tiles that are near, where u carries over a step."""
         threads = self.threads
         blocks = threads.blocks(max(u.x.size, u.y.size, u.z.size if self.layout.dim == 3 else 0))
@@ -50,7 +51,7 @@ class Tiles:
     def carry(self, u: Any, clock: wp.array) -> None:
         """The scalars followed back along u over a step."""
         threads, cells = self.threads, self.layout.cells
-        self.approach(u, clock)
+        self.find_near_tiles(u, clock)
         threads.over(self.carry_kernel, cells, [self.grid, u, *self.now, clock, self.near], self.new)
         self.holds.zero_()
         threads.over(self.keep_kernel, cells, [self.grid, self.near, *self.new], [self.holds, *self.now])

@@ -14,7 +14,7 @@ THIRD = {"cubic": True, "linear": True, "maccormack": False, "bfecc": False}    
 
 
 @dataclass(frozen=True)
-class How:
+class AdvectionScheme:
     """scheme: of advection. clamped: what cubic rows give is kept within those around. pushed: what lifts the air on the way,
     by schemes that carry nothing back: "smoke", "heat", "smoke_heat", "" of `lifting`. sharp: velocities on the way back
     are cubics too."""
@@ -29,31 +29,31 @@ class How:
 class Transport:
     """axis: of a component, -1 of a scalar. work: arrays r and z, for what is carried there and back by schemes that do."""
 
-    def __init__(self, threads: Threads, layout: Layout, grid: Any, axis: int, how: How, work: dict[str, wp.array]):
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, axis: int, how: AdvectionScheme, work: dict[str, wp.array]):
         real, module, dim, scheme = threads.model.real, threads.module, layout.dim, how.scheme
         self.threads, self.grid, self.scheme, self.work = threads, grid, scheme, work
-        self.lifting = how.lifting or kernels.lifting(real)()
+        self.lifting = how.lifting or kernels.buoyancy_inputs(real)()
         self.pairs = scheme in PAIRS
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
-        self.advect = kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, third, how.sharp), how.pushed, real,
-                                     module)
+        self.advect = kernels.advection_kernel(dim, axis, (shape, shape == "cubic" and how.clamped, third, how.sharp),
+                                               how.pushed, real, module)
         if self.pairs:
-            self.correct = kernels.correct(dim, axis, scheme == "bfecc", real, module)
-            self.compensate = kernels.compensate(real, module)
+            self.correct = kernels.maccormack_kernel(dim, axis, scheme == "bfecc", real, module)
+            self.compensate = kernels.bfecc_kernel(real, module)
 
     def carry(self, u: Any, q: wp.array, clock: wp.array, part: float, out: wp.array) -> None:
         """q followed back along u over `part` of the step, into `out`."""
         real, n, over = self.threads.model.real, q.size, self.threads.over
 
-        def advect(q: wp.array, part: float, out: wp.array) -> None:
+        def advect_pass(q: wp.array, part: float, out: wp.array) -> None:
             over(self.advect, n, [self.grid, u, q, self.lifting, clock, real(part)], [out])
         if not self.pairs:
-            advect(q, part, out)
+            advect_pass(q, part, out)
             return
         ahead, turned = (self.work[name][:n] for name in ("r", "z"))
-        advect(q, part, ahead)
-        advect(ahead, -part, turned)
+        advect_pass(q, part, ahead)
+        advect_pass(ahead, -part, turned)
         if self.scheme == "bfecc":
             over(self.compensate, n, [q, turned], [turned])
-            advect(turned, part, ahead)
+            advect_pass(turned, part, ahead)
         over(self.correct, n, [self.grid, u, q, ahead, turned, clock, real(part)], [out])

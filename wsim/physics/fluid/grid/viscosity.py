@@ -7,7 +7,7 @@ import warp as wp
 from wsim.kernels.fluid import viscosity as kernels
 from wsim.kernels.fluid.conjugate import CHECK, START, TURN
 from wsim.physics.fluid.grid.multigrid import AXES
-from wsim.physics.fluid.grid.pressure import Conjugate, Pressure
+from wsim.physics.fluid.grid.pressure import Conjugate, PressureProjection
 from wsim.physics.fluid.grid.threads import Threads
 
 MOST = 500               # iterations
@@ -18,15 +18,16 @@ class Viscosity:
     """work: arrays p, r, d, w with room for the faces of any axis, which the pressure uses in turn. walls: `slip` and
     `layers` of the fluid."""
 
-    def __init__(self, threads: Threads, pressure: Pressure, walls: tuple[bool, bool], work: dict[str, wp.array],
+    def __init__(self, threads: Threads, pressure: PressureProjection, walls: tuple[bool, bool], work: dict[str, wp.array],
                  sizes: list[int], words: dict[str, wp.array]):
         slip, layers = walls
         real, module, layout = threads.model.real, threads.module, pressure.layout
         self.threads, self.pressure, self.work = threads, pressure, work
         has = bool(pressure.multigrid.fractions)
-        self.begin = [kernels.begin(layout.dim, a, has, slip, real, module, layers and not slip) for a in range(layout.dim)]
-        self.multiply = [kernels.multiply(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
-        self.scaled, self.scale = kernels.scaled(real, module), threads.zeros(1)
+        self.begin = [kernels.viscosity_start_kernel(layout.dim, a, has, slip, real, module, layers and not slip)
+                      for a in range(layout.dim)]
+        self.multiply = [kernels.viscosity_product_kernel(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
+        self.scaled, self.scale = kernels.viscosity_scale_kernel(real, module), threads.zeros(1)
         words["spreads"] = threads.zeros(2, int)
         self.solvers = [Conjugate(threads, n, words, "spreads") for n in sizes]
 
@@ -41,10 +42,10 @@ class Viscosity:
             self.threads.sum(self.begin[a], solver.parts, [*rows, now, self.scale], [r, solver.part])
             solver.conclude(START, tolerance)
 
-            def iterate(a=a, solver=solver, now=now, rows=rows, r=r, d=d, w=w) -> None:
+            def iterate_viscosity_cg(a=a, solver=solver, now=now, rows=rows, r=r, d=d, w=w) -> None:
                 solver.conclude(TURN)
                 self.threads.over(solver.turn, now.size, [solver.numbers, r], [d])
                 self.threads.sum(self.multiply[a], solver.parts, [*rows, d, self.scale], [w, solver.part])
                 solver.step(now, r, d, w)
                 solver.conclude(CHECK, tolerance, MOST)
-            wp.capture_while(solver.going, iterate)
+            wp.capture_while(solver.going, iterate_viscosity_cg)

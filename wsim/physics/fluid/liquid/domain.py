@@ -11,23 +11,23 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.fluid import pressure, steps
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import grid_structs
 from wsim.kernels.fluid.pressure import FREE
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import extend, fill, motion, transfers
-from wsim.kernels.particles.gravity import pull
-from wsim.kernels.particles.wet import wet
-from wsim.model.structs import filled
+from wsim.kernels.particles.gravity import liquid_gravity_kernel
+from wsim.kernels.particles.liquid_mask import wet_surface_kernel
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
-from wsim.physics.fluid.grid.obstacles import Obstacles
-from wsim.physics.fluid.grid.shapes import Shapes
+from wsim.physics.fluid.grid.obstacles import FluidObstacles
+from wsim.physics.fluid.grid.shapes import FluidShapeRows
 from wsim.physics.fluid.grid.threads import Threads
-from wsim.physics.fluid.liquid.flow import Flow
+from wsim.physics.fluid.liquid.flow import LiquidFlow
 from wsim.physics.fluid.liquid.objects import ACROSS, GIVEN, WAVE, Liquid
-from wsim.physics.fluid.liquid.order import Order
-from wsim.physics.fluid.liquid.surface import Surface
-from wsim.physics.fluid.liquid.volume import Volume
+from wsim.physics.fluid.liquid.order import ParticleOrder
+from wsim.physics.fluid.liquid.surface import LiquidSurface
+from wsim.physics.fluid.liquid.volume import LiquidVolume
 from wsim.physics.fluid.liquid.walls import Walls
 
 SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
@@ -36,7 +36,7 @@ MARGIN = 2               # layers of faces beyond those that a particle may cros
 THREADS = 1 << 14        # that look for the fastest particle
 
 
-class Domain:
+class LiquidDomain:
     """particles: `Particles` of the state. afloat: makes what moves the bodies among the obstacles, of this and them.
     words: of the frame's status: solves, missed, steps, room, volume."""
 
@@ -48,56 +48,56 @@ class Domain:
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
         self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
         self.weighed: tuple = ()                 # what `weigh` has uploaded
-        self.grid = self._grid()
+        self.grid = self._make_grid()
         self.obstacles: Any = None
         if obstacles:
-            shapes = Shapes(threads.model, obstacles, liquid.low, layout.axes, liquid.cell, "thin", liquid.high)
-            self.obstacles = Obstacles(threads, layout, self.grid, shapes, self.clock)
+            shapes = FluidShapeRows(threads.model, obstacles, liquid.low, layout.axes, liquid.cell, "thin", liquid.high)
+            self.obstacles = FluidObstacles(threads, layout, self.grid, shapes, self.clock)
         self.walls: Any = Walls(threads, layout, self.grid, self.obstacles) if self.obstacles else None
         self.thin = bool(self.walls and self.walls.thin)
         self.sizes = [prod(layout.faces(a)) for a in range(dim)]
         self.u, self.d = self.faces(), self.faces()
-        self.before = self.faces() if liquid.transfer == "flip" else filled(structs(real).Faces)
+        self.before = self.faces() if liquid.transfer == "flip" else fill_struct(grid_structs(real).Faces)
         self.mass, self.known = ([threads.zeros(n, dtype) for n in self.sizes] for dtype in (real, int))
         self.phi, self.full = threads.zeros(layout.cells), threads.zeros(layout.cells)
-        self.order = Order(threads, layout, self.grid, liquid.transfer == "apic", particles.id.shape[0])
-        self.flow = (Flow(threads, layout, self.grid, liquid, sources, self.order, numbers, self.obstacles) if sources
+        self.order = ParticleOrder(threads, layout, self.grid, liquid.transfer == "apic", particles.id.shape[0])
+        self.flow = (LiquidFlow(threads, layout, self.grid, liquid, sources, self.order, numbers, self.obstacles) if sources
                      else None)
-        self.volume = Volume(threads, layout, self.grid, self.obstacles, self.thin)
+        self.volume = LiquidVolume(threads, layout, self.grid, self.obstacles, self.thin)
         self.floating: Any = afloat(self, self.obstacles) if afloat else None
-        self.surface = Surface(threads, layout, self.grid, self.obstacles, self.phi, self.full, self.words)
+        self.surface = LiquidSurface(threads, layout, self.grid, self.obstacles, self.phi, self.full, self.words)
         if self.floating:
             self.floating.mark_by(FREE)
-        self._kernels(dim, real, module)
+        self._make_kernels(dim, real, module)
 
-    def _kernels(self, dim: int, real: Any, module: str) -> None:
+    def _make_kernels(self, dim: int, real: Any, module: str) -> None:
         some, affine = self.obstacles is not None, self.liquid.transfer == "apic"
         thin = self.thin
-        self.to_faces = transfers.to_faces(dim, affine, thin, real, module)
-        self.to_particles = transfers.to_particles(dim, self.liquid.transfer, thin, real, module)
-        self.fill = fill.fill(dim, some, thin, real, module)
-        self.wet = wet(dim, real, module) if self.floating else None
-        self.pull = pull(real, module)
-        self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
-        self.extend = extend.extend(dim, thin, real, module)
-        self.move = motion.move(dim, some, thin, real, module)
-        self.fastest = motion.fastest(real, module)
-        self.begin, self.next = steps.begin(real, module), steps.next(real, module)
+        self.to_faces = transfers.particle_to_grid_kernel(dim, affine, thin, real, module)
+        self.to_particles = transfers.grid_to_particle_kernel(dim, self.liquid.transfer, thin, real, module)
+        self.fill = fill.cell_fill_kernel(dim, some, thin, real, module)
+        self.wet = wet_surface_kernel(dim, real, module) if self.floating else None
+        self.pull = liquid_gravity_kernel(real, module)
+        self.sides = [pressure.closed_side_kernel(dim, a, real, module) for a in range(dim)]
+        self.extend = extend.velocity_extension_kernel(dim, thin, real, module)
+        self.move = motion.particle_motion_kernel(dim, some, thin, real, module)
+        self.fastest = motion.fastest_particle_kernel(real, module)
+        self.begin, self.next = steps.frame_clock_kernel(real, module), steps.next_step_kernel(real, module)
 
-    def _grid(self) -> Any:
+    def _make_grid(self) -> Any:
         layout, model = self.layout, self.threads.model
         outside = [0, 0, 0]
         for a, axis in enumerate(layout.axes):
             kinds = self.liquid.sides[2 * axis:2 * axis + 2]
             outside[a] = sum(bit for bit, kind in zip((1, 2), kinds, strict=True) if kind == "open")
-        return filled(structs(model.real).Grid, n=wp.vec3i(*layout.n), periodic=wp.vec3i(*layout.periodic),
-                      outside=wp.vec3i(*outside), air=self.threads.zeros(7, types(model.real).vec3),
-                      dx=model.real(self.liquid.cell))
+        return fill_struct(grid_structs(model.real).Grid, n=wp.vec3i(*layout.n), periodic=wp.vec3i(*layout.periodic),
+                           outside=wp.vec3i(*outside), air=self.threads.zeros(7, types(model.real).vec3),
+                           dx=model.real(self.liquid.cell))
 
     def faces(self) -> Any:
         """Zeros on the faces."""
         arrays = {AXES[a]: self.threads.zeros(n) for a, n in enumerate(self.sizes)}
-        return filled(structs(self.threads.model.real).Faces, **arrays)
+        return fill_struct(grid_structs(self.threads.model.real).Faces, **arrays)
 
     def weigh(self, gravity: np.ndarray, dt: float) -> None:
         """Uploads gravity [m/s^2], what it adds to a speed in a frame, and the speed that wants as many steps as waves do."""
@@ -158,7 +158,7 @@ class Domain:
     def _step(self) -> None:
         o, threads, floating = self.obstacles, self.threads, self.floating
         if floating:
-            floating.swim(self.clock)
+            floating.drift_bodies(self.clock)
         if o and o.moving:
             o.update()
             self.walls.update(self.clock)
@@ -173,23 +173,23 @@ class Domain:
         self.surface.project(self.u, self.known, self.liquid.tolerance, floating, (self.gravity, self.clock))
         if floating:
             floating.go(self.clock)
-        self._extend(self.u)
+        self._extend_velocity_layers(self.u)
         inputs = [self.grid, self.u, self.before, threads.model.real(self.liquid.flip), self.particles]
         threads.over(self.to_particles, self.order.room, inputs, [self.particles])
         if self.liquid.volume:
             for a in range(self.layout.dim):
                 getattr(self.d, AXES[a]).zero_()
             self.surface.spread(self.d, self.known, SPREAD)
-            self._extend(self.d)
+            self._extend_velocity_layers(self.d)
         if self.walls:
             wp.copy(self.order.aside.x, self.particles.x)
-        inputs = [self.grid, self.u, self.d, self.clock, self._nodes(), o.phi if o else None, self.particles]
+        inputs = [self.grid, self.u, self.d, self.clock, self._node_shape(), o.phi if o else None, self.particles]
         threads.over(self.move, self.order.room, inputs, [self.particles])
         if self.walls:
             self.walls.keep(self.particles, self.order, self.clock)
         threads.over(self.next, 1, [self.done], [self.clock, self.going])
 
-    def _nodes(self) -> Any:
+    def _node_shape(self) -> Any:
         return wp.vec3i(*self.layout.nodes())
 
     def _to_grid(self) -> None:
@@ -205,13 +205,13 @@ class Domain:
                 over(self.sides[a], 2 * self.layout.cells // self.layout.n[a],
                      [self.grid, self.surface.low, self.surface.high], [u])
         rest = self.threads.model.real(float(ACROSS ** self.layout.dim))
-        over(self.fill, self.layout.cells, [self.grid, self.particles, self.order.cells, rest, self._nodes(),
+        over(self.fill, self.layout.cells, [self.grid, self.particles, self.order.cells, rest, self._node_shape(),
                                             o.phi if o else None], [self.full, self.phi])
         for _ in range(HOLES if self.wet else 0):
             wp.copy(self.floating.q, self.phi)
-            over(self.wet, self.layout.cells, [self.grid, self._nodes(), o.phi, o.open, self.floating.q], [self.phi])
+            over(self.wet, self.layout.cells, [self.grid, self._node_shape(), o.phi, o.open, self.floating.q], [self.phi])
 
-    def _extend(self, u: Any) -> None:
+    def _extend_velocity_layers(self, u: Any) -> None:
         for a in range(self.layout.dim):
             out = getattr(u, AXES[a])
             for layer in range(2, 2 + self.layers):

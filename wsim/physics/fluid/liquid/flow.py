@@ -7,44 +7,44 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import emission
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
-from wsim.physics.fluid.grid.shapes import Shapes
+from wsim.physics.fluid.grid.shapes import FluidShapeRows
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
-from wsim.physics.fluid.liquid.order import Order
-from wsim.physics.fluid.liquid.rooms import Rooms
+from wsim.physics.fluid.liquid.order import ParticleOrder
+from wsim.physics.fluid.liquid.rooms import LiquidRooms
 
 
-class Flow:
+class LiquidFlow:
     """numbers: rows that are used and the id of the next particle, of the state. coming.refused: word of a frame
     for each source, 1 where a closed region had no room for what it gives."""
 
-    def __init__(self, threads: Threads, layout: Layout, grid: Any, liquid: Liquid, sources: list[LiquidSource], order: Order,
-                 numbers: wp.array, obstacles: Any):
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, liquid: Liquid, sources: list[LiquidSource],
+                 order: ParticleOrder, numbers: wp.array, obstacles: Any):
         real, module, dim, model = threads.model.real, threads.module, layout.dim, threads.model
         self.threads, self.grid, self.sources, self.order, self.numbers = threads, grid, sources, order, numbers
-        self.shapes = Shapes(model, sources, liquid.low, layout.axes, liquid.cell)
+        self.shapes = FluidShapeRows(model, sources, liquid.low, layout.axes, liquid.cell)
         kinds, n, walls = self.shapes.kinds, len(sources), obstacles.shapes.kinds if obstacles else ()
         self.gives, self.takes = (any((s.role == "sink") is sink for s in sources) for sink in (False, True))
-        self.drain = emission.drain(dim, kinds, real, module) if self.takes else None
-        self.offer = emission.offer(dim, kinds, walls, real, module) if self.gives else None
-        self.emit = emission.emit(dim, kinds, walls, order.affine, real, module) if self.gives else None
-        self.used, self.come = emission.counted(module)
+        self.drain = emission.particle_drain_kernel(dim, kinds, real, module) if self.takes else None
+        self.offer = emission.particle_offer_kernel(dim, kinds, walls, real, module) if self.gives else None
+        self.emit = emission.particle_emission_kernel(dim, kinds, walls, order.affine, real, module) if self.gives else None
+        self.used, self.come = emission.emission_count_kernels(module)
         velocity = np.zeros((n, 3), model.dtype)
         for k, s in enumerate(sources):
             if s.velocity is not None:
                 velocity[k, :dim] = s.velocity[list(layout.axes)]
         self.fastest = float(np.linalg.norm(velocity, axis=1).max())
         what = np.array([emission.SINK * (s.role == "sink") for s in sources], np.int32)
-        self.table = filled(emission.sources(real), shapes=self.shapes.table, what=model.upload(what, int),
-                            velocity=model.upload(velocity, types(real).vec3), strength=threads.zeros(n, types(real).vec2))
+        self.table = fill_struct(emission.emission_sources(real), shapes=self.shapes.table, what=model.upload(what, int),
+                                 velocity=model.upload(velocity, types(real).vec3), strength=threads.zeros(n, types(real).vec2))
         if obstacles:
             self.table.walls = obstacles.shapes.table
         self.first, self.offers = threads.zeros(layout.cells + 1, int), threads.zeros(layout.cells, int)
         closed = self.gives and (obstacles is not None or layout.sealed)
-        self.rooms = Rooms(threads, layout, grid, obstacles) if closed else None
-        self.coming = filled(emission.Coming, offers=self.offers, first=self.first, numbers=numbers)
+        self.rooms = LiquidRooms(threads, layout, grid, obstacles) if closed else None
+        self.coming = fill_struct(emission.Coming, offers=self.offers, first=self.first, numbers=numbers)
 
     def pose(self, time: float, dt: float) -> None:
         """A frame begins at `time` [s]."""

@@ -3,31 +3,32 @@
 import numpy as np
 
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
-from wsim.scene.samples import DROPS, Particles
+from wsim.scene.samples import DROPS, ParticleSample
 
 CHANGED = 0.05             # part of its volume that a liquid may lose or gain; flows that are resolved change it by 0.02
 LEAST = 64.0               # cells of liquid, of fewer the grid does not know the volume that well
 
 
-def width(liquid: Liquid) -> float:
+def particle_diameter(liquid: Liquid) -> float:
     """Diameter of a ball with the volume that a particle has at rest [m]."""
     return liquid.cell / ACROSS * (6.0 / np.pi) ** (1.0 / 3.0)
 
 
-def mass(liquid: Liquid) -> float:
+def particle_mass(liquid: Liquid) -> float:
     """Mass of a particle [kg]; a flat liquid is one cell thick."""
     return liquid.density * liquid.cell ** 3 / ACROSS ** len(liquid.axes)
 
 
-def sample(liquid: Liquid, particles: dict[str, np.ndarray]) -> Particles:
+def liquid_sample(liquid: Liquid, particles: dict[str, np.ndarray]) -> ParticleSample:
     """Sample that stands beside its domain."""
     x = particles["x"]
-    return Particles(liquid.path + DROPS, x, np.full(len(x), width(liquid)), particles["id"], particles["v"])
+    return ParticleSample(liquid.path + DROPS, x, np.full(len(x), particle_diameter(liquid)), particles["id"], particles["v"])
 
 
-def measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray, volume: float | None) -> dict[str, float]:
+def liquid_measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray, volume: float | None) -> dict[str,
+                                                                                                                         float]:
     """Kinetic energy and that in gravity [J], greatest speed [m/s], particles; volume [cells] in m^3, where it is known."""
-    x, v, m = particles["x"], particles["v"], mass(liquid)
+    x, v, m = particles["x"], particles["v"], particle_mass(liquid)
     found = {"liquid_energy": float(m * (0.5 * np.sum(v ** 2) - np.sum(x @ gravity))),
              "liquid_speed": float(np.sqrt(np.max(np.sum(v ** 2, axis=1), initial=0.0))), "liquid_particles": float(len(x))}
     return found if volume is None else found | {"liquid_volume": volume * liquid.cell ** 3}

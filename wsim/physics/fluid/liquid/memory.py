@@ -3,14 +3,14 @@
 from math import ceil
 
 from wsim.physics.fluid.liquid.objects import Liquid
-from wsim.physics.fluid.liquid.seeds import estimated
-from wsim.physics.fluid.memory import SPARE, free
+from wsim.physics.fluid.liquid.seeds import estimated_particles
+from wsim.physics.fluid.memory import SPARE, free_device_bytes
 from wsim.scene import Problem, SceneError
 
 HOST = 64                # bytes of a particle while they are placed
 
 
-def wanted(liquid: Liquid, particles: int, obstacles: bool, width: int) -> int:
+def liquid_memory(liquid: Liquid, particles: int, obstacles: bool, width: int) -> int:
     """Bytes of so many particles and of the grid. width: of a number."""
     dim, affine = len(liquid.axes), liquid.transfer == "apic"
     row = width * 3 * ((2 + 3 * affine) * 3) + 4 * 6 + HOST
@@ -19,11 +19,11 @@ def wanted(liquid: Liquid, particles: int, obstacles: bool, width: int) -> int:
     return ceil(row * particles + (width * cell + 4 * (dim + 3)) * liquid.cells)
 
 
-def refuse(liquids: list[Liquid], b) -> None:
+def refuse_large_liquids(liquids: list[Liquid], b) -> None:
     """Raises SceneError, by the path of the greatest, where they do not fit."""
-    width, there = b.model.dtype().nbytes, free(b.model.device)
-    of = {id(x): estimated(x, b.scene) for x in liquids}
-    need = {id(x): wanted(x, of[id(x)], bool(b.scene.colliders), width) for x in liquids}
+    width, there = b.model.dtype().nbytes, free_device_bytes(b.model.device)
+    of = {id(x): estimated_particles(x, b.scene) for x in liquids}
+    need = {id(x): liquid_memory(x, of[id(x)], bool(b.scene.colliders), width) for x in liquids}
     total = sum(need[id(x)] for x in liquids)
     if total > SPARE * there:
         most = max(liquids, key=lambda x: need[id(x)])

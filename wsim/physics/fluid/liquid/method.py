@@ -8,30 +8,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.sort import particle_structs
 from wsim.model.stage import Clock, Method, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.collider.table import kinds
-from wsim.physics.fluid.grid.shapes import thin
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.table import kind_names
+from wsim.physics.fluid.grid.shapes import is_thin_wall
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid import memory
-from wsim.physics.fluid.liquid.domain import Domain
-from wsim.physics.fluid.liquid.measure import CHANGED, measures, sample, volume_change, volume_error
+from wsim.physics.fluid.liquid.domain import LiquidDomain
+from wsim.physics.fluid.liquid.measure import CHANGED, liquid_measures, liquid_sample, volume_change, volume_error
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
-from wsim.physics.fluid.liquid.seeds import filling, seeds
-from wsim.physics.fluid.shells import sheets, shells
-from wsim.physics.fluid.start import cut
+from wsim.physics.fluid.liquid.seeds import particle_seeds, sources_of_role
+from wsim.physics.fluid.shells import body_shells, obstacle_sheets
+from wsim.physics.fluid.start import cut_step_warnings
 from wsim.scene.samples import Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
-FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid"), Field("v", "m/s", True, "velocity"))
-AFFINE = Field("C", "1/s", True, "rows: gradient of each component of v", "mat33")
-ID = Field("id", "1", True, "stays with a particle; below 0: there is none", "int")
-NUMBERS = Field("numbers", "1", True, "rows that are used, the next id", "int")
+FIELDS = (StateField("x", "m", True, "from the low corner, along the axes of the grid"),
+          StateField("v", "m/s", True, "velocity"))
+AFFINE = StateField("C", "1/s", True, "rows: gradient of each component of v", "mat33")
+ID = StateField("id", "1", True, "stays with a particle; below 0: there is none", "int")
+NUMBERS = StateField("numbers", "1", True, "rows that are used, the next id", "int")
 WORDS = {"solves": 2, "missed": 1, "steps": 2, "room": 1, "volume": 2}
 REFUSED = "liquid: refused"
 SPARE = 1 << 13          # rows more than particles at the start, where there are sources; a frame that lacks some is repeated
@@ -41,8 +42,8 @@ def build(b: Build) -> Method:
     return Liquids(b)
 
 
-def acting(liquid: Liquid, scene) -> list[LiquidSource]:
-    return filling(liquid, scene, "source") + filling(liquid, scene, "sink")
+def acting_sources(liquid: Liquid, scene) -> list[LiquidSource]:
+    return sources_of_role(liquid, scene, "source") + sources_of_role(liquid, scene, "sink")
 
 
 class Liquids(Method):
@@ -52,13 +53,13 @@ class Liquids(Method):
         super().__init__("liquid")
         self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
         self.more = 1
-        self.rigid = b.ports.bodies if shells(b.scene) else None
+        self.rigid = b.ports.bodies if body_shells(b.scene) else None
         liquids = b.scene.things("Liquid")
         self.pairs = [(liquid, world) for world in range(b.model.worlds) for liquid in liquids]
-        memory.refuse([liquid for liquid, _ in self.pairs], b)
+        memory.refuse_large_liquids([liquid for liquid, _ in self.pairs], b)
         self.threads = Threads(b.model)
         self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1))
-        starts = {id(liquid): seeds(liquid, b.scene) for liquid in liquids}
+        starts = {id(liquid): particle_seeds(liquid, b.scene) for liquid in liquids}
         self.parts, self.numbers = [], []
         for k, (liquid, world) in enumerate(self.pairs):
             part, numbers = self._parts(k, liquid, world, *starts[id(liquid)])
@@ -67,13 +68,13 @@ class Liquids(Method):
             self.numbers.append(numbers)
         for name, count in WORDS.items():
             b.status.reserve(f"liquid: {name}", count * len(self.pairs))
-        self.domains = [self._domain(k) for k in range(len(self.pairs))]
+        self.domains = [self._make_domain(k) for k in range(len(self.pairs))]
         b.status.reserve(REFUSED, sum(len(d.flow.sources) for d in self.domains if d.flow))
         self.settled = False
         count = sum(part.count for part in self.parts)
         cells = sum(liquid.cells for liquid, _ in self.pairs)
         # before that of the bodies, which liquids push; else behind that of cloth, whose way through the frame is then known
-        self.behind = not self.rigid and bool(sheets(b.model))
+        self.behind = not self.rigid and bool(obstacle_sheets(b.model))
         phase = "pose" if self.rigid else "deform" if self.behind else "predict"
         self.stages.append(Stage("liquids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts), "frame", f"{count} particles, {cells} cells, "
@@ -81,13 +82,13 @@ class Liquids(Method):
 
     # what there is
 
-    def _parts(self, k: int, liquid: Liquid, world: int, x: np.ndarray, v: np.ndarray) -> tuple[Part, Part]:
+    def _parts(self, k: int, liquid: Liquid, world: int, x: np.ndarray, v: np.ndarray) -> tuple[StatePart, StatePart]:
         """Particles at the start, and their numbers."""
         real, device = self.model.real, self.model.device
-        room = max(1, len(x) + (SPARE if acting(liquid, self.scene) else 0))
+        room = max(1, len(x) + (SPARE if acting_sources(liquid, self.scene) else 0))
         fields = (*FIELDS, *[AFFINE] * (liquid.transfer == "apic"), ID)
-        part = Part.allocate(f"liquid {k}", fields, len(x), real, device, room)
-        numbers = Part.allocate(f"liquid {k} numbers", (NUMBERS,), 2, real, device)
+        part = StatePart.allocate(f"liquid {k}", fields, len(x), real, device, room)
+        numbers = StatePart.allocate(f"liquid {k} numbers", (NUMBERS,), 2, real, device)
         axes, dim = list(liquid.axes), len(liquid.axes)
         for name, values in (("x", x - liquid.low), ("v", v)):
             rows = np.zeros((room, 3), self.model.dtype)
@@ -99,19 +100,20 @@ class Liquids(Method):
             each.rows = {(liquid.path, world): np.arange(each.capacity)}
         return part, numbers
 
-    def _particles(self, k: int) -> Any:
-        return filled(tables(self.model.real).Particles, **self.parts[k].arrays)
+    def _particle_struct(self, k: int) -> Any:
+        return fill_struct(particle_structs(self.model.real).Particles, **self.parts[k].arrays)
 
-    def _domain(self, k: int) -> Domain:
+    def _make_domain(self, k: int) -> LiquidDomain:
         liquid, world = self.pairs[k]
-        obstacles = [*self.scene.colliders, *shells(self.scene), *sheets(self.model, world)]
-        domain = Domain(self.threads, liquid, world, obstacles, acting(liquid, self.scene), self._particles(k),
-                      self.numbers[k].arrays["numbers"], self._afloat if self.rigid else None)
+        obstacles = [*self.scene.colliders, *body_shells(self.scene), *obstacle_sheets(self.model, world)]
+        domain = LiquidDomain(self.threads, liquid, world, obstacles, acting_sources(liquid, self.scene),
+                              self._particle_struct(k),
+                      self.numbers[k].arrays["numbers"], self._floating_bodies if self.rigid else None)
         if domain.obstacles:
             domain.obstacles.shapes.state = self.state
         return domain
 
-    def _afloat(self, domain: Domain, obstacles: Any) -> Any:
+    def _floating_bodies(self, domain: LiquidDomain, obstacles: Any) -> Any:
         """The bodies of a domain."""
         from wsim.physics.fluid.grid.floating import Floating
         return Floating(self.threads, domain.layout, domain.grid, obstacles, self.rigid, domain.world, domain.liquid.density)
@@ -144,23 +146,23 @@ class Liquids(Method):
             steps = domain.liquid.steps
             domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.liquid.most_steps))
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         wanted = status.said("liquid: room")
-        return [Remedy("grow", partial(self._more, k, int(n))) for k, n in enumerate(wanted)
+        return [Remedy("grow", partial(self._make_more_room, k, int(n))) for k, n in enumerate(wanted)
                 if n > self.parts[k].capacity]
 
-    def _more(self, k: int, wanted: int) -> str:
+    def _make_more_room(self, k: int, wanted: int) -> str:
         self.grow(k, wanted + wanted // 4)
         return f"{self.pairs[k][0].path} took {wanted} particles, more than there was room for"
 
     def grow(self, k: int, room: int) -> None:
         """Room for so many particles; those that there are stay."""
         part, before = self.parts[k], self.parts[k].capacity
-        part.enlarge(room, self.model.real, self.model.device)
+        part.enlarge_part(room, self.model.real, self.model.device)
         for array in (part.arrays["id"], part.saved["id"][1]):
             array[before:].fill_(-1)
         part.rows = {key: np.arange(room) for key in part.rows}
-        self.domains[k].particles = self._particles(k)
+        self.domains[k].particles = self._particle_struct(k)
         self.domains[k].order.grow(room)
 
     def restored(self, fields) -> None:
@@ -169,9 +171,9 @@ class Liquids(Method):
             if rows > self.parts[k].capacity:
                 self.grow(k, rows)
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         missed = status.said("liquid: missed")
-        found = cut([(d.liquid, d.world) for d in self.domains], status.said("liquid: steps"), self.more)
+        found = cut_step_warnings([(d.liquid, d.world) for d in self.domains], status.said("liquid: steps"), self.more)
         found += [
             (("liquid", domain.liquid.path, domain.world), float(n),
              f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, or "
@@ -203,7 +205,7 @@ class Liquids(Method):
         return {"id": ids[order], "x": x, "v": v}
 
     def samples(self, world: int = 0) -> list[Sample]:
-        return [sample(liquid, self.particles(k)) for k, (liquid, of) in enumerate(self.pairs) if of == world]
+        return [liquid_sample(liquid, self.particles(k)) for k, (liquid, of) in enumerate(self.pairs) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
         """Indicators of the first world: kinetic energy and that in gravity [J], greatest speed [m/s], particles, and the
@@ -212,7 +214,7 @@ class Liquids(Method):
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
                 volume = float(domain.volume.sums.numpy()[0, 0]) if self.settled else None
-                for name, value in measures(domain.liquid, self.particles(k), self.gravity[0], volume).items():
+                for name, value in liquid_measures(domain.liquid, self.particles(k), self.gravity[0], volume).items():
                     found[name] = max(found.get(name, 0.0), value) if name == "liquid_speed" else found.get(name, 0.0) + value
         said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
         return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"][::2].max())}
@@ -226,10 +228,11 @@ class Liquids(Method):
 
 def signature(b) -> list:
     """Part of the liquids that decides their kernels."""
-    liquids = [(len(x.axes), x.transfer, x.volume, kinds(acting(x, b.scene)), sorted({s.role for s in acting(x, b.scene)}),
+    liquids = [(len(x.axes), x.transfer, x.volume, kind_names(acting_sources(x, b.scene)),
+                sorted({s.role for s in acting_sources(x, b.scene)}),
                 [side == "open" for side in x.sides], [side == "periodic" for side in x.sides])
                for x in b.scene.things("Liquid")]
-    moved, own = any(c.motion.moves for c in b.scene.colliders), shells(b.scene)
-    things = [*b.scene.colliders, *own, *sheets(b.model)]
-    parted = [any(thin(thing, x.low, x.high, x.cell) for thing in things) for x in b.scene.things("Liquid")]
-    return [sorted({str(x) for x in liquids}), kinds(things), moved, parted, *["bodies"] * bool(own)]
+    moved, own = any(c.motion.moves for c in b.scene.colliders), body_shells(b.scene)
+    things = [*b.scene.colliders, *own, *obstacle_sheets(b.model)]
+    parted = [any(is_thin_wall(thing, x.low, x.high, x.cell) for thing in things) for x in b.scene.things("Liquid")]
+    return [sorted({str(x) for x in liquids}), kind_names(things), moved, parted, *["bodies"] * bool(own)]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.physics.collider.point_cloud import PointCloud
+from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.fluid.objects import Cubes
-from wsim.physics.rigid.objects import vector
-from wsim.scene.bodies import Compared
+from wsim.physics.rigid.objects import vector3_or_none
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.solids import Shape
 
@@ -65,7 +65,7 @@ class Liquid(Cubes):
         self.sides = tuple(self.sides)
 
 @dataclass(eq=False)
-class LiquidSource(Compared):
+class LiquidSource(ArrayDataclass):
     """A shape that liquid fills at the start, flows from, or vanishes in, as in `scene.liquid_source("/water",
     scene.liquid("/tank", (0, 0, 0), (1, 1, 1), cell=0.1), Box((0.5, 0.2, 0.5)), at=(0.5, 0.2, 0.5))`.
 
@@ -88,6 +88,6 @@ class LiquidSource(Compared):
     strength: Curve = 1.0  # type: ignore[assignment]  # a number becomes a curve below
 
     def __post_init__(self):
-        self.velocity = vector(self.velocity)
+        self.velocity = vector3_or_none(self.velocity)
         if not isinstance(self.strength, Curve):
             self.strength = Curve(np.zeros(1), np.array([self.strength], np.float64))

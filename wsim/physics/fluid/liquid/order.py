@@ -3,22 +3,23 @@
 from typing import Any
 
 from wsim.kernels.particles import sort
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.threads import Threads
 
 
-class Order:
+class ParticleOrder:
     """`cells`: what kernels read. room: rows that there are."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, affine: bool, room: int):
         real, module, dim = threads.model.real, threads.module, layout.dim
         self.threads, self.grid, self.affine, self.size = threads, grid, affine, layout.cells
-        self.count_kernel, self.place = sort.count(dim, real, module), sort.place(dim, real, module)
-        self.parts, self.starts, self.first_kernel = sort.scan(module)
-        self.settle = sort.settle(module) if threads.cuda else None
-        self.gather_kernel = sort.gather(affine, real, module)
-        self.tables = sort.tables(real)
+        self.count_kernel, self.place = (sort.particle_count_kernel(dim, real, module),
+                                         sort.particle_order_kernel(dim, real, module))
+        self.parts, self.starts, self.first_kernel = sort.prefix_sum_kernels(module)
+        self.settle = sort.insertion_sort_kernel(module) if threads.cuda else None
+        self.gather_kernel = sort.particle_gather_kernel(affine, real, module)
+        self.tables = sort.particle_structs(real)
         self.blocks = threads.blocks(self.size)
         self.count, self.first = threads.zeros(self.size, int), threads.zeros(self.size + 1, int)
         self.part, self.start = threads.zeros(self.blocks, int), threads.zeros(self.blocks, int)
@@ -30,9 +31,9 @@ class Order:
         t, zeros = types(self.threads.model.real), self.threads.zeros
         self.room, self.rank, self.order = room, zeros(room, int), zeros(room, int)
         self.seen = zeros(room, int)                           # of particles beside thin walls (kernels/particles/walls.py)
-        self.cells = filled(self.tables.Cells, first=self.first, order=self.order)
-        self.aside = filled(self.tables.Particles, x=zeros(room, t.vec3), v=zeros(room, t.vec3), id=zeros(room, int),
-                            **({"C": zeros(room, t.mat33)} if self.affine else {}))
+        self.cells = fill_struct(self.tables.Cells, first=self.first, order=self.order)
+        self.aside = fill_struct(self.tables.Particles, x=zeros(room, t.vec3), v=zeros(room, t.vec3), id=zeros(room, int),
+                                 **({"C": zeros(room, t.mat33)} if self.affine else {}))
 
     def scan(self, count: Any, first: Any) -> None:
         """first[c]: sum of count before c, (cells + 1,)."""

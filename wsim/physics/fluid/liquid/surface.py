@@ -8,21 +8,21 @@ import warp as wp
 
 from wsim.kernels.fluid import conjugate
 from wsim.kernels.fluid.conjugate import CHECK, START, TURN
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import grid_structs
 from wsim.kernels.fluid.pressure import FREE
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import surface
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
-from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
+from wsim.physics.fluid.grid.multigrid import AXES, PressureMultigrid
 from wsim.physics.fluid.grid.pressure import Conjugate, Islands
 from wsim.physics.fluid.grid.threads import Threads
 
 AGAIN = 1e-2             # tolerance of the second solve with bodies, whose pressure is a hundredth to a tenth of the first
 
 
-class Surface:
-    """obstacles: `wsim.physics.fluid.grid.obstacles.Obstacles`, or None. phi, fill: of the cells. words: of the status."""
+class LiquidSurface:
+    """obstacles: `wsim.physics.fluid.grid.obstacles.FluidObstacles`, or None. phi, fill: of the cells. words: of the status."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any, phi: wp.array, fill: wp.array,
                  words: dict[str, wp.array]):
@@ -30,25 +30,26 @@ class Surface:
         self.threads, self.layout, self.grid, self.phi, self.fill = threads, layout, grid, phi, fill
         some = (obstacles is not None, obstacles is not None and obstacles.moving)
         thin = obstacles is not None and bool(obstacles.shapes.thin.any())
-        none = filled(structs(real).Faces)
+        none = fill_struct(grid_structs(real).Faces)
         self.open, self.solid = (obstacles.open, obstacles.solid or none) if obstacles else (none, none)
-        self.k, self.own, self.air = self._faces(), threads.zeros(layout.cells), threads.zeros(1, int)
+        self.k, self.own, self.air = self._make_faces(), threads.zeros(layout.cells), threads.zeros(1, int)
         self.p, self.r, self.z, self.d, self.w = (threads.zeros(layout.cells) for _ in range(5))
         self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
-        self.couple = surface.couple(dim, some[0], real, module)
-        self.own_kernel = surface.own(dim, some[0], real, module)
-        self.ground = surface.ground(real, module) if layout.sealed else None
-        self.outflow, self.crowding = surface.outflow(dim, *some, real, module), surface.crowding(dim, thin, real, module)
-        self.push_kernel = surface.push(dim, *some, real, module)
-        self.spread_kernel = surface.push(dim, some[0], False, real, module)
-        self.multiply = conjugate.multiply(dim, FREE, real, module)
-        self.multigrid = Multigrid(threads, layout, self.k, self.z, self.r, own=self.own)
+        self.couple = surface.surface_coupling_kernel(dim, some[0], real, module)
+        self.own_kernel = surface.surface_diagonal_kernel(dim, some[0], real, module)
+        self.ground = surface.sealed_ground_kernel(real, module) if layout.sealed else None
+        self.outflow, self.crowding = (surface.liquid_outflow_kernel(dim, *some, real, module),
+                                       surface.density_correction_kernel(dim, thin, real, module))
+        self.push_kernel = surface.liquid_projection_kernel(dim, *some, real, module)
+        self.spread_kernel = surface.liquid_projection_kernel(dim, some[0], False, real, module)
+        self.multiply = conjugate.pressure_product_kernel(dim, FREE, real, module)
+        self.multigrid = PressureMultigrid(threads, layout, self.k, self.z, self.r, own=self.own)
         self.solver = Conjugate(threads, layout.cells, words)
         self.islands = Islands(threads, layout, True) if obstacles else None     # liquid that walls part from all air
 
-    def _faces(self) -> Any:
+    def _make_faces(self) -> Any:
         sizes = {AXES[a]: self.threads.zeros(prod(self.layout.faces(a))) for a in range(self.layout.dim)}
-        return filled(structs(self.threads.model.real).Faces, **sizes)
+        return fill_struct(grid_structs(self.threads.model.real).Faces, **sizes)
 
     @property
     def launches(self) -> int:
@@ -76,10 +77,10 @@ class Surface:
             bodies.begin(self.multigrid.grids[0].table, self.phi, *pull)
         self.threads.over(self.outflow, self.layout.cells, [self.grid, u, self.open, self.solid, self.phi,
                                                             self.multigrid.grids[0].table], [self.r])
-        self._solve(tolerance, bodies)
+        self._solve_pressure(tolerance, bodies)
         if bodies:
             bodies.lean(self.p, self.phi, self.r)
-            self._solve(AGAIN, bodies)
+            self._solve_pressure(AGAIN, bodies)
             bodies.whole(self.p)
             bodies.push(self.p)
         self._push(self.push_kernel, u, known)
@@ -88,17 +89,18 @@ class Surface:
         """The displacement of faces [m] into d, which is 0, that brings the liquid to its density at rest."""
         self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.open,
                                                               self.multigrid.grids[0].table], [self.r])
-        self._solve(tolerance)
+        self._solve_pressure(tolerance)
         self._push(self.spread_kernel, d, known)
 
     def _push(self, kernel: Any, u: Any, known: list[wp.array]) -> None:
         for a in range(self.layout.dim):
             out = getattr(u, AXES[a])
-            both = filled(structs(self.threads.model.real).Faces, x=getattr(self.open, AXES[a]), y=getattr(self.solid, AXES[a]))
+            both = fill_struct(grid_structs(self.threads.model.real).Faces, x=getattr(self.open, AXES[a]),
+                               y=getattr(self.solid, AXES[a]))
             self.threads.over(kernel, out.size, [self.grid, a, self.multigrid.grids[0].table, self.p, self.phi, both],
                               [out, known[a]])
 
-    def _solve(self, tolerance: float, bodies: Any = None) -> None:
+    def _solve_pressure(self, tolerance: float, bodies: Any = None) -> None:
         self.tolerance = tolerance
         self.p.zero_()
         self.solver.sum(self.r, self.r)

@@ -5,25 +5,25 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.physics.collider.cloud_usd import SOURCES, author_source_shape, has_source_shape, load_source_shape
+from wsim.physics.contact.collider.cloud_usd import SOURCES, author_source_shape, has_source_shape, load_source_shape
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
-from wsim.physics.fluid.usd import CELLS, author_box, author_strength, box, strength
+from wsim.physics.fluid.usd import CELLS, author_box, author_strength, read_domain_box, read_strength_curve
 from wsim.usd import names
-from wsim.usd.attributes import author as write
-from wsim.usd.attributes import authored, read, read_values
-from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.attributes import author_attribute as write
+from wsim.usd.attributes import is_authored, read_attribute, read_object_fields
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
 SETTINGS = ("sides", "transfer", "volume", "steps", "most_steps")
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Liquid | LiquidSource | None:
+def load(reading: StageReading, prim: Usd.Prim) -> Liquid | LiquidSource | None:
     path = str(prim.GetPath())
-    domain, source = (name in applied(prim) for name in (names.WSIM_LIQUID, names.WSIM_POUR))
+    domain, source = (name in applied_schemas(prim) for name in (names.WSIM_LIQUID, names.WSIM_POUR))
     if domain and source:
         reading.fail(path, f"has {names.WSIM_LIQUID} and {names.WSIM_POUR}; a liquid that fills a domain is a prim of its own: "
                      f"author {names.WSIM_POUR} on another Cube")
         return None
-    if names.COLLISION in applied(prim):
+    if names.COLLISION in applied_schemas(prim):
         reading.fail(path, f"has {names.WSIM_LIQUID if domain else names.WSIM_POUR} and {names.COLLISION}: there is no liquid "
                      f"within an obstacle; take {names.COLLISION} off")
         return None
@@ -31,24 +31,25 @@ def load(reading: Reading, prim: Usd.Prim) -> Liquid | LiquidSource | None:
         reading.fail(path, "is a liquid in an instance, whose contents cannot be written over; author instanceable = false on "
                      "the instance")
         return None
-    return _domain(reading, prim) if domain else _source(reading, prim)
+    return _load_liquid_domain(reading, prim) if domain else _load_liquid_source(reading, prim)
 
 
-def _domain(reading: Reading, prim: Usd.Prim) -> Liquid | None:
+def _load_liquid_domain(reading: StageReading, prim: Usd.Prim) -> Liquid | None:
     path, units = str(prim.GetPath()), reading.units
-    ends = box(reading, prim, names.WSIM_LIQUID)
+    ends = read_domain_box(reading, prim, names.WSIM_LIQUID)
     if ends is None:
         return None
-    found: dict[str, Any] = read_values(prim, "Liquid", units)
-    found |= {name: value for name in SETTINGS if (value := read(prim, "Liquid", name, units)) is not None}
+    found: dict[str, Any] = read_object_fields(prim, "Liquid", units)
+    found |= {name: value for name in SETTINGS if (value := read_attribute(prim, "Liquid", name, units)) is not None}
     if len(found.get("sides", range(6))) != 6:
-        reading.fail(path, f"{names.row('Liquid', 'sides').attribute} has {len(found['sides'])} entries; author 6, for -x, +x, "
+        reading.fail(path, f"{names.attribute_entry('Liquid', 'sides').attribute} has {len(found['sides'])} entries; author 6, "
+                           f"for -x, +x, "
                      "-y, +y, -z, +z")
         return None
     return Liquid(path, *ends, found.pop("cell", None) or float((ends[1] - ends[0]).max()) / CELLS, **found)
 
 
-def _source(reading: Reading, prim: Usd.Prim) -> LiquidSource | None:
+def _load_liquid_source(reading: StageReading, prim: Usd.Prim) -> LiquidSource | None:
     path, units = str(prim.GetPath()), reading.units
     if not has_source_shape(prim):
         reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_POUR}; it has a shape: "
@@ -62,25 +63,26 @@ def _source(reading: Reading, prim: Usd.Prim) -> LiquidSource | None:
     found = load_source_shape(reading, prim)
     if found is None:
         return None
-    values = {name: value for name in ("role", "velocity") if (value := read(prim, "LiquidSource", name, units)) is not None}
-    if authored(prim, "LiquidSource", "strength"):
-        values["strength"] = strength(prim, "LiquidSource", units)
+    values = {name: value for name in ("role", "velocity")
+              if (value := read_attribute(prim, "LiquidSource", name, units)) is not None}
+    if is_authored(prim, "LiquidSource", "strength"):
+        values["strength"] = read_strength_curve(prim, "LiquidSource", units)
     return LiquidSource(path, *found, liquid="".join(targets), **values)
 
 
-def author(stage: Usd.Stage, thing: Liquid | LiquidSource, units: Units) -> None:
+def author(stage: Usd.Stage, thing: Liquid | LiquidSource, units: StageUnits) -> None:
     if isinstance(thing, LiquidSource):
-        _author_source(stage, thing, units)
+        _author_liquid_source(stage, thing, units)
         return
     prim = author_box(stage, thing, units, names.WSIM_LIQUID)
     plain = Liquid(thing.path, thing.low, thing.high, 0.0)
-    for name in (*names.fields("Liquid"), *SETTINGS):
+    for name in (*names.schema_fields("Liquid"), *SETTINGS):
         value = getattr(thing, name)
         if value != getattr(plain, name):
             write(prim, "Liquid", name, value, units)
 
 
-def _author_source(stage: Usd.Stage, source: LiquidSource, units: Units) -> None:
+def _author_liquid_source(stage: Usd.Stage, source: LiquidSource, units: StageUnits) -> None:
     prim = author_source_shape(stage, source, units)
     UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim.AddAppliedSchema(names.WSIM_POUR)

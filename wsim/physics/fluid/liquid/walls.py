@@ -10,7 +10,7 @@ from wsim.kernels.particles import sides, walls
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.threads import Threads
-from wsim.physics.fluid.liquid.order import Order
+from wsim.physics.fluid.liquid.order import ParticleOrder
 
 
 class Walls:
@@ -21,12 +21,15 @@ class Walls:
         self.threads, self.grid, self.obstacles, kinds = threads, grid, obstacles, obstacles.shapes.kinds
         self.thin = bool(obstacles.shapes.thin.any())
         self.clear = threads.zeros(n, types(real).vec2)
-        self.clearance, self.keep_kernel = (make(dim, kinds, real, module) for make in (walls.clearance, sides.keep))
+        self.clearance, self.keep_kernel = (make(dim, kinds, real, module)
+                                            for make in (walls.wall_clearance_kernel, sides.side_keeping_kernel))
         if self.thin:
             self.share = threads.zeros(n)
             self.open = [getattr(obstacles.open, AXES[a]) for a in range(dim)]
             self.cut = [threads.zeros(open_.size, int) for open_ in self.open]
-            self.shut, self.part, self.see = (make(dim, kinds, real, module) for make in (walls.shut, walls.share, walls.see))
+            self.shut, self.part, self.see = (make(dim, kinds, real, module)
+                                              for make in (walls.wall_closure_kernel, walls.hat_share_kernel,
+                                                           walls.particle_view_kernel))
 
     def update(self, clock: wp.array) -> None:
         """The obstacles are where they are at the end of the step."""
@@ -37,14 +40,14 @@ class Walls:
                 over(self.shut, open_.size, [self.grid, a, table, clock, self.clear], [open_, self.cut[a]])
             over(self.part, n, [self.grid, table, clock, self.clear], [self.share])
 
-    def look(self, particles: Any, order: Order, clock: wp.array) -> None:
+    def look(self, particles: Any, order: ParticleOrder, clock: wp.array) -> None:
         """Which rows of the grid each particle sees."""
         particles.seen = order.seen
         order.cells.clear, order.cells.share = self.clear, self.share
         inputs = [self.grid, self.obstacles.shapes.table, clock, self.clear, particles]
         self.threads.over(self.see, order.room, inputs, [order.seen])
 
-    def keep(self, particles: Any, order: Order, clock: wp.array) -> None:
+    def keep(self, particles: Any, order: ParticleOrder, clock: wp.array) -> None:
         """Particles that came from `order.aside` stay on their side."""
         inputs = [self.grid, self.obstacles.shapes.table, clock, self.clear, order.aside.x, particles]
         self.threads.over(self.keep_kernel, order.room, inputs, [particles.x])

@@ -13,87 +13,87 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import angular_velocity, quaternion
+from wsim.geometry.rotation import angular_velocity_between, matrix_quat
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import contact
 from wsim.kernels.rigid.kinds import SERIAL
 from wsim.kernels.rigid.lists import collide, collide_mesh, flush, rows
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.physics.rigid import forms, surfaces
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.rigid import forms, meetings, surfaces
 from wsim.physics.rigid.contacts.pair_list import PairList
-from wsim.physics.rigid.meetings import bounces, kinds, places_of, put, seams, with_cores
-from wsim.physics.rigid.solids import as_met, meeting, standing
+from wsim.physics.rigid.solids import contact_shape_of, scene_contact_colliders, touching_colliders
 from wsim.scene import Collider
 
 LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
 FEW = 256                    # pairs that there is room for at first, if so many shapes there are may meet
 WORD, IN_TURN, WEIGHT = "rigid pairs", "rigid manifolds without a colour", 9.81        # [m/s^2] where a scene has none
-PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
-         Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
-POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
-          Field("rub", "N s", True, "that of friction"),
-          Field("drift", "m", True, "how far it has parted across n since friction held it"),
-          Field("key", "", True, "features that touch", "int"))
+PAIRS = (StateField("a", "", True, "shape of a manifold, -1 for none", "int"), StateField("b", "", True, "the other", "int"),
+         StateField("count", "", True, "its points", "int"), StateField("colour", "", True, "its colour, -1 for none", "int"))
+POINTS = (StateField("push", "N s", True, "impulse of a point in the last substep", "scalar"),
+          StateField("rub", "N s", True, "that of friction"),
+          StateField("drift", "m", True, "how far it has parted across n since friction held it"),
+          StateField("key", "", True, "features that touch", "int"))
 
 
-class Contacts:
+class RigidContactTables:
     """bodies: (Body, world) of each row of the method's part."""
 
     def __init__(self, b, method):
         self.model, self.status, self.method = b.model, b.status, method
-        self.colliders: list[Collider] = standing(b.scene.colliders)
+        self.colliders: list[Collider] = scene_contact_colliders(b.scene.colliders)
         self.real, self.device = b.model.real, b.model.device
-        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in meeting(body)]
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in touching_colliders(body)]
         self.still_first = len(method.bodies)
         self.frames = self.still_first + len(self.colliders)
-        self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
+        self.bouncing, self.sweeps = meetings.has_restitution(b.scene), b.scene.iterations
         self.moves = any(c.motion.moves for c in self.colliders)
-        self._shapes()
+        self._upload_shape_table()
         self.filters: Any = None
         if any(b.scene.things(name) for name in ("Joint", "Group", "FilteredPairs")):
-            from wsim.physics.rigid.joints.filters.groups import of_contacts
-            self.filters = of_contacts(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
+            from wsim.physics.rigid.joints.filters.groups import contact_filters
+            self.filters = contact_filters(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
         real, module, shared = self.real, b.model.module, b.model.shared_module
-        self.keeping = rows.keeping(real, module)
-        met = kinds(b.scene.things("Body"), self.colliders)
+        self.keeping = rows.list_memory_kernel(real, module)
+        met = meetings.meeting_shape_kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
-        pairs, tiles, meet = self.pairs | with_cores(self.pairs), seams(b.scene), partial(collide_mesh.collide_mesh, on_meshes)
-        self.collide = collide.collide(pairs, real, shared("rigid_pairs", *sorted(pairs)))
+        pairs, tiles, meet = (self.pairs | meetings.ball_core_pairs(self.pairs), meetings.flush_collider_kinds(b.scene),
+                              partial(collide_mesh.collide_mesh, on_meshes))
+        self.collide = collide.pair_manifold_kernel(pairs, real, shared("rigid_pairs", *sorted(pairs)))
         self.lanes = lanes = 32 if self.device.is_cuda else 1                         # threads of a pair with a mesh
         self.on_meshes = meet(real, shared("rigid_meshes", *sorted(on_meshes), lanes), lanes) if on_meshes else None
-        self.flush = flush.flush(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
-        self.form = forms.chosen(b.model.device, self.shapes)
+        self.flush = flush.flush_seam_kernels(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
+        self.form = forms.choose_pass_form(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
             method.sleep.make(self.form)
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
-        self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
-                      Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
+        self.parts = (StatePart.allocate("rigid pairs", PAIRS, 0, real, self.device, self._pair_room()),
+                      StatePart.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._pair_room()))
         b.state.add(*self.parts)
         self.broad, self.poses_of = PairList(self, module), ()      # type: PairList, tuple
-        self._lists(self._room())
-        self._empty(0)
+        self._make_lists(self._pair_room())
+        self._clear_pair_rows(0)
 
-    def _room(self) -> int:
+    def _pair_room(self) -> int:
         return max(16 + 4 * (n := len(self.owners)), min(FEW, n * (n - 1) // 2 + n * len(self.colliders)))
 
-    def _shapes(self) -> None:
+    def _upload_shape_table(self) -> None:
         method, real = self.method, self.real
         self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
-        owned = [(k, world, c, as_met(c, True)) for k, world, c in self.owners]
-        owned += [(self.still_first + s, -1, c, as_met(c, False)) for s, c in enumerate(self.colliders)]
+        owned = [(k, world, c, contact_shape_of(c, True)) for k, world, c in self.owners]
+        owned += [(self.still_first + s, -1, c, contact_shape_of(c, False)) for s, c in enumerate(self.colliders)]
         rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
         self.named = [(method.bodies[k][0].path if k < self.still_first else c.path, world) for k, world, c, _ in rows_of]
         mine, forms_of = len(self.owners), [met for *_, met in rows_of]         # shapes of bodies come first
         centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
-        places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners],
-                                           centers[:mine]),
+        places = np.concatenate([meetings.collider_places_in_body([method.masses[k] for k, _, _ in self.owners],
+                                                         [c for _, _, c in self.owners], centers[:mine]),
                                  np.hstack([centers[mine:], np.tile([0.0, 0, 0, 1], (len(forms_of) - mine, 1))])])
         self.shapes, with_worlds = len(rows_of), rows_of + rows_of[mine:] * (self.model.worlds - 1)
         solid = {k: met.hull for k, met in enumerate(forms_of) if met.hull is not None}
@@ -101,13 +101,13 @@ class Contacts:
         number = {k: place for of in (solid, meshes) for place, k in enumerate(of)}
         self.hulls = surfaces.hull_tables(list(solid.values()), real, self.device)
         if meshes:
-            self.surfaces, self.trees = surfaces.tables(list(meshes.values()), real, self.device)
+            self.surfaces, self.trees = surfaces.mesh_surface_tables(list(meshes.values()), real, self.device)
         t = types(real)
-        Shapes, self.Still, self.Contacts, self.Work = contact.structs(real)
+        Shapes, self.Still, self.Contacts, self.Work = contact.rigid_contact_structs(real)
 
         def array(values, dtype):
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
-        self.table = filled(
+        self.table = fill_struct(
             Shapes, frame=array([k for k, *_ in rows_of], int), world=array([w for _, w, *_ in rows_of], int),
             kind=array([KINDS[met.kind] for met in forms_of], int), core=array([met.core for met in forms_of], t.vec4),
             row=array([number.get(k, 0) for k in range(len(rows_of))], int),
@@ -117,34 +117,34 @@ class Contacts:
             restitution=array([c.restitution for *_, c, _ in with_worlds], real), still=mine,
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
-    def _lists(self, room: int) -> None:
+    def _make_lists(self, room: int) -> None:
         """Arrays for so many pairs, and those of bodies and shapes."""
         t, real, n = types(self.real), self.real, self.frames
 
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=self.device)
         self.room = room
-        self.list = filled(self.Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
-                           gap=zeros(4 * room, real), push=zeros(4 * room, real), rim=zeros(4 * room, t.vec2),
-                           **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
-                           **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
-                           **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
-                           **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b", "rub",
+        self.list = fill_struct(self.Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
+                                gap=zeros(4 * room, real), push=zeros(4 * room, real), rim=zeros(4 * room, t.vec2),
+                                **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
+                                **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
+                                **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
+                                **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b", "rub",
                                                                           "drift")})
-        self.work = filled(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
-                           **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
-                           **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},
-                           **{name: zeros(n, t.vec3) for name in ("p0", "L0")},
-                           **{name: zeros(n, int) for name in ("touched", "first")},
-                           **{name: zeros(room, int) for name in ("renewed", "order")},
-                           **{name: zeros(SERIAL + 2, int) for name in ("starts", "place")},
-                           A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
-                           colours=zeros(1, int), flags=zeros(2, int), residual=zeros(2, real),
-                           g=float(np.linalg.norm(self.model.scene.gravity)) or WEIGHT)
+        self.work = fill_struct(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
+                                **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
+                                **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},
+                                **{name: zeros(n, t.vec3) for name in ("p0", "L0")},
+                                **{name: zeros(n, int) for name in ("touched", "first")},
+                                **{name: zeros(room, int) for name in ("renewed", "order")},
+                                **{name: zeros(SERIAL + 2, int) for name in ("starts", "place")},
+                                A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
+                                colours=zeros(1, int), flags=zeros(2, int), residual=zeros(2, real),
+                                g=float(np.linalg.norm(self.model.scene.gravity)) or WEIGHT)
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
             setattr(self.work, name, array)
 
-    def _empty(self, first: int) -> None:
+    def _clear_pair_rows(self, first: int) -> None:
         """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
         for array in (self.parts[0].every, self.parts[0].aside):
             array[first:self.parts[0].capacity].fill_(-1)
@@ -160,18 +160,18 @@ class Contacts:
         self.method.evaluates["poses"] = [c.path for c in self.colliders if c.motion.moves]
         self.moves = moves = bool(self.method.evaluates["poses"])
         if self.method.sleep and self.poses_of and self.poses_of != known:
-            self.method.sleep.wake()
+            self.method.sleep.wake_bodies()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
         M = np.array([c.motion.sampled(time + h * np.arange(rows + moves)) for c in self.colliders])
         M = M.reshape(n, rows + moves, 4, 4).swapaxes(0, 1)
-        x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
+        x, q = M[:, :, :3, 3] - self.still_origin, matrix_quat(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
-            v, omega = (x[1:] - x[:-1]) / h, angular_velocity(q[:-1], q[1:], h)
+            v, omega = (x[1:] - x[:-1]) / h, angular_velocity_between(q[:-1], q[1:], h)
         if self.poses_of != known:
             t = types(self.real)
             arrays = [wp.zeros((rows, n), dtype=each, device=self.device) for each in (t.vec3, t.quat, t.vec3, t.vec3)]
-            self.still = filled(self.Still, moving=int(moves), x=arrays[0], q=arrays[1], v=arrays[2], omega=arrays[3])
+            self.still = fill_struct(self.Still, moving=int(moves), x=arrays[0], q=arrays[1], v=arrays[2], omega=arrays[3])
             self.poses_of = known
         for name, value in zip(("x", "q", "v", "omega"), (x[:rows], q[:rows], v[:rows], omega[:rows]), strict=True):
             getattr(self.still, name).assign(np.ascontiguousarray(value, self.model.dtype))
@@ -208,7 +208,7 @@ class Contacts:
         """Puts the list into the state, of all bodies, also of those asleep."""
         if self.method.sleep:
             self.method.sleep.end(self.room, self.rig())
-        self.model.launch(self.keeping, self.room, [self.list], [filled(rows.lasts(self.real), **self.arrays())])
+        self.model.launch(self.keeping, self.room, [self.list], [fill_struct(rows.last_list_type(self.real), **self.arrays())])
 
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
@@ -217,7 +217,7 @@ class Contacts:
         return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
-        return put(self, path, name, value, world)
+        return meetings.set_surface_value(self, path, name, value, world)
 
     def arrays(self) -> dict[str, wp.array]:
         """Arrays of the state: the last list."""
@@ -228,11 +228,11 @@ class Contacts:
         launch, rig, ends, sleep = self.model.launch, self.rig(), self.ends(clock), self.method.sleep
         listing = k in ends[:-1]                     # else where a body has gone farther than was foreseen
         time = clock.h * (ends[ends.index(k) + 1] - k) if listing else clock.dt / (len(ends) - 1)
-        before, h = filled(rows.lasts(self.real), **self.arrays()), 0.0 if self.exact else clock.h
+        before, h = fill_struct(rows.last_list_type(self.real), **self.arrays()), 0.0 if self.exact else clock.h
         if listing:
             if k > 0:
                 self.keep()
-            self.broad.list_pairs(k, time, self.status.word(WORD))
+            self.broad.list_near_pairs(k, time, self.status.word(WORD))
         else:
             wp.capture_if(self.work.strayed, self.list_anew, k=k, time=time)
         launch(self.collide, self.room, [rig, self.hulls, k, h, before], [])
@@ -249,11 +249,11 @@ class Contacts:
     def list_anew(self, k: int, time: float) -> None:
         """Lists pairs within a frame, after a body has gone farther than was foreseen."""
         self.keep()
-        self.broad.list_pairs(k, time, self.status.word(WORD), anew=False)
+        self.broad.list_near_pairs(k, time, self.status.word(WORD), anew=False)
 
     def rig(self) -> Any:
-        return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
-                      c=self.list, work=self.work)
+        return fill_struct(contact.rig_type(self.real), s=self.table, b=self.method.table, now=self.method.moving(),
+                           still=self.still, c=self.list, work=self.work)
 
     def overlap(self) -> float:
         """Depth to which the points of manifolds lie in each other now, at most [m]."""
@@ -279,20 +279,20 @@ class Contacts:
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""
         before = self.parts[0].capacity
-        self.parts[0].enlarge(room, self.real, self.device)
-        self.parts[1].enlarge(4 * room, self.real, self.device)
-        self._lists(room)
-        self._empty(before)
+        self.parts[0].enlarge_part(room, self.real, self.device)
+        self.parts[1].enlarge_part(4 * room, self.real, self.device)
+        self._make_lists(room)
+        self._clear_pair_rows(before)
 
     @property
     def in_turn(self) -> int:
         """Manifolds without a colour in the last frame, solved in turn."""
         return int(self.status.said(IN_TURN)[0])
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         wanted = int(status.said(WORD)[0])
 
-        def more() -> str:
+        def grow_pair_list() -> str:
             self.grow(wanted + wanted // 4)
             return f"{wanted} pairs of rigid shapes were near each other, more than there was room for"
-        return [Remedy("grow", more)] if wanted > self.room else []
+        return [Remedy("grow", grow_pair_list)] if wanted > self.room else []

@@ -8,38 +8,41 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists import pairs
 from wsim.kernels.rigid.narrow.shape import KINDS
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 
 
 class PairList:
     """Trees of the bounds of shapes, of bodies and of colliders, and the launches that list pairs.
 
-    contacts: `wsim.physics.rigid.contacts.Contacts`, whose tables of shapes are there. first (shapes of bodies,): number of
-    pairs up to each shape. arrays: what kernels note of shapes and bodies, for `Work` of kernels/rigid/contact.py."""
+    contacts: `wsim.physics.rigid.contacts.RigidContactTables`, whose tables of shapes are there. first (shapes of bodies,):
+    number of pairs up to each shape. arrays: what kernels note of shapes and bodies, for `Work` of kernels/rigid/contact.py."""
 
     def __init__(self, contacts, module):
         self.contacts, self.model, filters = contacts, contacts.model, contacts.filters
         real, device = contacts.real, contacts.device
         t, n, mine, shapes = types(real), contacts.frames, len(contacts.owners), contacts.shapes
         self.mine, self.shapes = mine, shapes
-        self.reach, self.listed = (make(real, module, filters is not None) for make in (pairs.reach, pairs.listed))
-        self.summed = pairs.summed(module)
+        self.reach, self.listed = (make(real, module, filters is not None)
+                                   for make in (pairs.shape_reach_kernel, pairs.pair_list_kernel))
+        self.summed = pairs.prefix_sum_kernel(module)
 
-        def zeros(length, dtype):
+        def zeros_for_trees(length, dtype):
             return wp.zeros(length, dtype=dtype, device=device)
-        low, high, up = (zeros(shapes, wp.vec3f) for _ in range(3))
+        low, high, up = (zeros_for_trees(shapes, wp.vec3f) for _ in range(3))
         self.bvh = wp.Bvh(low[:mine], high[:mine])
         endless = np.flatnonzero(contacts.table.ball.numpy() < 0.0).astype(np.int32)
         self.still = wp.Bvh(low[mine:], high[mine:]) if shapes - mine > len(endless) else None
         more = {n: wp.array(v, dtype=int, device=device) for n, v in (filters.tables if filters else {}).items()}
-        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, still=self.still.id if self.still else 0,
-                           low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=device))
+        self.tree = fill_struct(pairs.shape_tree_type(bool(more)), **more, id=self.bvh.id,
+                                still=self.still.id if self.still else 0,
+                                low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=device))
         arm, slack = self.extents()
-        self.number, self.first = zeros(mine, int), zeros(mine, int)
+        self.number, self.first = zeros_for_trees(mine, int), zeros_for_trees(mine, int)
         self.arrays: dict[str, Any] = {
-            "center": zeros(shapes, wp.vec3d), "span": zeros(shapes, t.vec2), "from_x": zeros(n, t.vec3),
-            "from_q": zeros(n, t.quat), "way": zeros(contacts.still_first, real), "strayed": zeros(1, int),
-            "arm": self.model.upload(arm.astype(self.model.dtype), real),
+            "center": zeros_for_trees(shapes, wp.vec3d), "span": zeros_for_trees(shapes, t.vec2),
+            "from_x": zeros_for_trees(n, t.vec3),
+            "from_q": zeros_for_trees(n, t.quat), "way": zeros_for_trees(contacts.still_first, real),
+            "strayed": zeros_for_trees(1, int), "arm": self.model.upload(arm.astype(self.model.dtype), real),
             "slack": self.model.upload(slack.astype(self.model.dtype), real), "listed": self.first[mine - 1:]}
 
     def extents(self) -> tuple[np.ndarray, np.ndarray]:
@@ -58,7 +61,7 @@ class PairList:
         if self.still:
             (self.still.rebuild if anew else self.still.refit)()
 
-    def list_pairs(self, k: int, time: float, wanted: wp.array, anew: bool = True) -> None:
+    def list_near_pairs(self, k: int, time: float, wanted: wp.array, anew: bool = True) -> None:
         """Lists the pairs that may meet within a time [s] from substep k on. wanted: a word, how many pairs there were. anew:
         builds the trees; else refits them and adds by one thread, as a branch of a CUDA graph must take no memory."""
         launch, rig = self.model.launch, self.contacts.rig()

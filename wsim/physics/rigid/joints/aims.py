@@ -13,18 +13,18 @@ from wsim.model.stage import Clock
 AIMS = ("target", "speed")
 
 
-def aims(scene) -> list:
+def varying_drive_targets(scene) -> list:
     """The `Varying` of a scene that are targets or speeds of drives."""
     paths = {joint.path for joint in scene.things("Joint") if joint.enabled and joint.drives}
     return [thing for thing in scene.varying if thing.name in AIMS and thing.path in paths]
 
 
-class Aims:
+class DriveTargets:
     """Tables `aim` and `pace` of joints, (substeps + 1, joints, 6): rows of drives that follow a curve, and the
     others as they are."""
 
     def __init__(self, joints, things: list):
-        """joints: `wsim.physics.rigid.joints.tables.Joints`; things: of `aims`."""
+        """joints: `wsim.physics.rigid.joints.tables.DeviceJoints`; things: of `varying_drive_targets`."""
         self.joints, self.last = joints, dict[str, np.ndarray]()
         # (path, name, world) -> curve and (joint, row) of its drives; what a user sets by hand leaves it
         self.ways: dict[tuple[str, str, int], tuple[Any, np.ndarray]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, TURNS, Joint
 from wsim.scene import Problem, Scene
-from wsim.scene.check.objects import error, rigid, warning
+from wsim.scene.check.objects import check_rigid_motion, object_warning, thing_error
 
 UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions keep
 CLOSED = 1e-3                # [m], [rad] by which a joint may start apart without a word
@@ -17,99 +17,100 @@ NAMES = (*AXES, DISTANCE)
 
 
 def check(joint: Joint, scene: Scene) -> Iterator[Problem]:
-    wrong = [*_sides(joint, scene), *_numbers(joint)]
+    wrong = [*_check_joint_bodies(joint, scene), *_check_joint_numbers(joint)]
     yield from wrong
     if not any(p.fatal for p in wrong):
-        yield from _apart(joint, scene)
+        yield from _check_joint_closed(joint, scene)
 
 
-def _sides(joint: Joint, scene: Scene) -> Iterator[Problem]:
+def _check_joint_bodies(joint: Joint, scene: Scene) -> Iterator[Problem]:
     path, bodies = joint.path, {body.path for body in scene.things("Body")}
     if joint.body0 == joint.body1:
         found = f"joins {joint.body0} to itself" if joint.body0 else "joins no body"
-        yield error(path, found, "two bodies, or one and the world", "author physics:body0 or physics:body1")
+        yield thing_error(path, found, "two bodies, or one and the world", "author physics:body0 or physics:body1")
         return
     for body in (joint.body0, joint.body1):
         if body and body not in bodies:
-            yield error(path, f"joins {body}, which is no rigid body that moves", "a body of the scene, or \"\"",
-                        "name a prim with PhysicsRigidBodyAPI, or add the body")
+            yield thing_error(path, f"joins {body}, which is no rigid body that moves", "a body of the scene, or \"\"",
+                               "name a prim with PhysicsRigidBodyAPI, or add the body")
     if joint.body0 and joint.body1 and joint.still:
-        yield error(path, f"joins two bodies and hangs on {joint.still}", "two sides", "take one of them out")
-    yield from rigid(path, joint.motion, "what a joint hangs on keeps its size: take the scale out of its motion")
+        yield thing_error(path, f"joins two bodies and hangs on {joint.still}", "two sides", "take one of them out")
+    yield from check_rigid_motion(path, joint.motion, "what a joint hangs on keeps its size: take the scale out of its motion")
 
 
-def _numbers(joint: Joint) -> Iterator[Problem]:
+def _check_joint_numbers(joint: Joint) -> Iterator[Problem]:
     path = joint.path
     for name in ("at0", "at1", "turn0", "turn1"):
         value = getattr(joint, name)
         if not np.isfinite(value).all():
-            yield error(path, f"{name} is not finite", "finite numbers", f"author another {name}")
+            yield thing_error(path, f"{name} is not finite", "finite numbers", f"author another {name}")
         elif name.startswith("turn") and abs(np.linalg.norm(value) - 1.0) > UNIT:
-            yield error(path, f"{name} is a quaternion of length {np.linalg.norm(value):g}", "a unit quaternion (x, y, z, w)",
-                        f"divide physics:localRot{name[-1]} by its length")
+            yield thing_error(path, f"{name} is a quaternion of length {np.linalg.norm(value):g}",
+                               "a unit quaternion (x, y, z, w)", f"divide physics:localRot{name[-1]} by its length")
     for name in {*joint.limits, *joint.drives} - set(NAMES):
-        yield error(path, f"has no axis {name}", ", ".join(NAMES), "name one of these")
+        yield thing_error(path, f"has no axis {name}", ", ".join(NAMES), "name one of these")
     for name, (low, high) in joint.limits.items():
         if isnan(low) or isnan(high) or low == inf or high == -inf:
-            yield error(path, f"limits of {name} are {low:g} and {high:g}", "numbers, -inf for none below, inf for none above",
-                        "author other limits")
+            yield thing_error(path, f"limits of {name} are {low:g} and {high:g}",
+                               "numbers, -inf for none below, inf for none above", "author other limits")
     for name, drive in joint.drives.items():
         for field in ("stiffness", "damping", "most"):
             value = getattr(drive, field)
             if not value >= 0.0 or (value == inf and field != "most"):
-                yield error(path, f"{field} of the drive of {name} is {value:g}", "finite and >= 0",
-                            f"author another {field}: a drive that pushes the other way has another target")
+                yield thing_error(path, f"{field} of the drive of {name} is {value:g}", "finite and >= 0",
+                                   f"author another {field}: a drive that pushes the other way has another target")
         if not (isfinite(drive.target) and isfinite(drive.speed)):
-            yield error(path, f"the drive of {name} goes to {drive.target:g} at {drive.speed:g}", "finite numbers",
-                        "author another target")
+            yield thing_error(path, f"the drive of {name} goes to {drive.target:g} at {drive.speed:g}", "finite numbers",
+                               "author another target")
         if joint.locked(name):
-            yield warning(path, f"drives {name}, which its limits lock", "drives of axes that are free, or have a range",
-                          f"give {name} limits that leave it room, or take the drive away")
+            yield object_warning(path, f"drives {name}, which its limits lock", "drives of axes that are free, or have a range",
+                                 f"give {name} limits that leave it room, or take the drive away")
     if joint.cone is not None and not all(c >= 0.0 for c in joint.cone):
-        yield error(path, f"its cone is {joint.cone}", "two angles >= 0, inf for free", "author other cone angles")
+        yield thing_error(path, f"its cone is {joint.cone}", "two angles >= 0, inf for free", "author other cone angles")
     for name in ("force", "torque"):
         if not getattr(joint, name) >= 0.0:
-            yield error(path, f"breaks at a {name} of {getattr(joint, name):g}", ">= 0, inf for never",
-                        f"author another physics:break{name.capitalize()}")
+            yield thing_error(path, f"breaks at a {name} of {getattr(joint, name):g}", ">= 0, inf for never",
+                               f"author another physics:break{name.capitalize()}")
 
 
-def frames(joint: Joint, scene: Scene) -> list[np.ndarray]:
+def joint_frames_at_start(joint: Joint, scene: Scene) -> list[np.ndarray]:
     """Both frames of a joint at the start, to the world (4, 4) [m]."""
     by_path, found = {body.path: body for body in scene.things("Body")}, []
     for body, at, turn in ((joint.body0, joint.at0, joint.turn0), (joint.body1, joint.at1, joint.turn1)):
         M = (by_path[body].motion if body else joint.motion).at(0.0)
         F = np.eye(4)
-        F[:3, :3], F[:3, 3] = rotation.matrix(rotation.normalized(turn)), at
+        F[:3, :3], F[:3, 3] = rotation.quaternion_to_matrix(rotation.unit_quat(turn)), at
         found.append(M @ F)
     return found
 
 
-def _apart(joint: Joint, scene: Scene) -> Iterator[Problem]:
+def _check_joint_closed(joint: Joint, scene: Scene) -> Iterator[Problem]:
     """A joint that does not start closed."""
     if not joint.enabled:
         return
-    A, B = frames(joint, scene)
+    A, B = joint_frames_at_start(joint, scene)
     d = A[:3, :3].T @ (B[:3, 3] - A[:3, 3])
-    low, high = zip(*(_range(joint, name) for name in SHIFTS), strict=True)
+    low, high = zip(*(_limit_range(joint, name) for name in SHIFTS), strict=True)
     shift = float(np.linalg.norm(d - np.clip(d, low, high)))
-    low_far, high_far = _range(joint, DISTANCE)
+    low_far, high_far = _limit_range(joint, DISTANCE)
     shift = max(shift, abs(float(np.linalg.norm(d)) - min(max(float(np.linalg.norm(d)), low_far), high_far)))
-    turn = _turned(joint, rotation.quaternion(A[:3, :3].T @ B[:3, :3]))
+    turn = _start_angle_violation(joint, rotation.matrix_quat(A[:3, :3].T @ B[:3, :3]))
     if shift > CLOSED or turn > CLOSED:
-        yield warning(joint.path, f"starts {shift:.3g} m and {turn:.3g} rad apart: its bodies are pulled together, at most "
-                      "4 m/s and 10 rad/s fast", "frames that meet, within its "
-                      "limits", "author physics:localPos0, localRot0 or those of body 1 again, or other limits")
+        yield object_warning(joint.path,
+                             f"starts {shift:.3g} m and {turn:.3g} rad apart: its bodies are pulled together, at most "
+                             "4 m/s and 10 rad/s fast", "frames that meet, within its "
+                             "limits", "author physics:localPos0, localRot0 or those of body 1 again, or other limits")
 
 
-def _turned(joint: Joint, q: np.ndarray) -> float:
+def _start_angle_violation(joint: Joint, q: np.ndarray) -> float:
     """Angle [rad] by which a joint starts beyond what its turns and its cone allow; q: from frame 1 to frame 0."""
     if all(joint.locked(name) for name in TURNS):
-        return float(np.linalg.norm(rotation.logarithm(q)))
+        return float(np.linalg.norm(rotation.quaternion_logarithm(q)))
     x, w = (q[0], q[3]) if q[3] >= 0.0 else (-q[0], -q[3])
     twist = np.array([x, 0.0, 0.0, w]) / hypot(x, w) if hypot(x, w) > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])
-    swing = rotation.logarithm(rotation.multiply(q, rotation.conjugate(twist)))
+    swing = rotation.quaternion_logarithm(rotation.quat_product(q, rotation.quat_conjugate(twist)))
     turned = np.array([2.0 * atan2(twist[0], twist[3]), swing[1], swing[2]])
-    low, high = zip(*(_range(joint, name) for name in TURNS), strict=True)
+    low, high = zip(*(_limit_range(joint, name) for name in TURNS), strict=True)
     beyond = float(np.linalg.norm(turned - np.clip(turned, low, high)))
     if joint.cone is not None:
         out = hypot(*(angle / max(limit, TINY) for angle, limit in zip(turned[1:], joint.cone, strict=True)))
@@ -117,6 +118,6 @@ def _turned(joint: Joint, q: np.ndarray) -> float:
     return beyond
 
 
-def _range(joint: Joint, name: str) -> tuple[float, float]:
+def _limit_range(joint: Joint, name: str) -> tuple[float, float]:
     low, high = joint.limits.get(name, (-inf, inf))
     return (low, max(low, high))

@@ -12,7 +12,7 @@ import numpy as np
 
 
 @dataclass
-class Order:
+class EliminationOrder:
     """Joints in their order, islands behind each other; blocks 0 .. n - 1 are diagonal ones, those below come behind."""
 
     joint: np.ndarray              # given number of each
@@ -41,38 +41,40 @@ class Order:
         many = np.diff(self.first_joint)
         return np.repeat(many == 1, many).astype(int)
 
-    def repeated(self, times: int, bodies: int) -> "Order":
+    def repeat_for_worlds(self, times: int, bodies: int) -> "EliminationOrder":
         """The same of several worlds with so many bodies each."""
         n, e = len(self.joint), len(self.near)
 
-        def many(values, more):
+        def repeat_offset_rows(values, more):
             return np.concatenate([values + more * k for k in range(times)]) if times else values[:0]
 
-        def firsts(values):
-            return np.append(many(values[:-1], values[-1]), values[-1] * times)
+        def repeat_first_rows(values):
+            return np.append(repeat_offset_rows(values[:-1], values[-1]), values[-1] * times)
         target = np.concatenate([np.where(self.target < n, self.target + n * k, self.target + n * (times - 1) + e * k)
                                  for k in range(times)])
-        return Order(many(self.joint, n), firsts(self.first_joint), firsts(self.first_body), many(self.body, bodies),
-                     firsts(self.first_near), many(self.near, n), firsts(self.first_target), target)
+        return EliminationOrder(repeat_offset_rows(self.joint, n), repeat_first_rows(self.first_joint),
+                                repeat_first_rows(self.first_body), repeat_offset_rows(self.body, bodies),
+                                repeat_first_rows(self.first_near), repeat_offset_rows(self.near, n),
+                                repeat_first_rows(self.first_target), target)
 
 
-def _islands(pairs: np.ndarray, bodies: int) -> np.ndarray:
+def _joint_island_labels(pairs: np.ndarray, bodies: int) -> np.ndarray:
     """A number for each body, the same within an island."""
     root = np.arange(bodies)
 
-    def top(i: int) -> int:
+    def island_root(i: int) -> int:
         while root[i] != i:
             root[i] = root[root[i]]
             i = root[i]
         return i
     for a, b in pairs.tolist():
         if a >= 0 and b >= 0:
-            p, q = top(a), top(b)
+            p, q = island_root(a), island_root(b)
             root[max(p, q)] = min(p, q)
-    return np.array([top(i) for i in range(bodies)], int)
+    return np.array([island_root(i) for i in range(bodies)], int)
 
 
-def _eliminated(joints: list[int], near: dict[int, set[int]]) -> tuple[list[int], dict[int, list[int]]]:
+def _minimum_degree_order(joints: list[int], near: dict[int, set[int]]) -> tuple[list[int], dict[int, list[int]]]:
     """(order, those near each joint that come behind it)."""
     heap = [(len(near[j]), j) for j in joints]
     heapify(heap)
@@ -94,9 +96,9 @@ def _eliminated(joints: list[int], near: dict[int, set[int]]) -> tuple[list[int]
     return order, behind
 
 
-def ordered(pairs: np.ndarray, bodies: int) -> Order:
+def elimination_order(pairs: np.ndarray, bodies: int) -> EliminationOrder:
     """pairs: rows of the bodies of each joint, (joints, 2), -1 for none. Bodies without joints are islands of their own."""
-    island = _islands(pairs, bodies)
+    island = _joint_island_labels(pairs, bodies)
     at: dict[int, list[int]] = {}
     for j, pair in enumerate(pairs.tolist()):
         for body in pair:
@@ -112,7 +114,7 @@ def ordered(pairs: np.ndarray, bodies: int) -> Order:
     first_joint, first_body, order, rows = [0], [0], [], []
     behind: dict[int, list[int]] = {}
     for g in np.unique(of_joint):
-        one, more = _eliminated(np.flatnonzero(of_joint == g).tolist(), near)
+        one, more = _minimum_degree_order(np.flatnonzero(of_joint == g).tolist(), near)
         order += one
         behind |= more
         rows += sorted({b for j in one for b in pairs[j].tolist() if b >= 0})
@@ -122,10 +124,10 @@ def ordered(pairs: np.ndarray, bodies: int) -> Order:
         rows.append(lone)
         first_joint.append(len(order))
         first_body.append(len(rows))
-    return _program(order, behind, first_joint, first_body, rows)
+    return _block_elimination_program(order, behind, first_joint, first_body, rows)
 
 
-def _program(order, behind, first_joint, first_body, rows) -> Order:
+def _block_elimination_program(order, behind, first_joint, first_body, rows) -> EliminationOrder:
     place = {j: k for k, j in enumerate(order)}
     first_near, near, block = [0], [], {}
     for j in order:
@@ -140,4 +142,4 @@ def _program(order, behind, first_joint, first_body, rows) -> Order:
             target += [k if m == k else block[k, m] for m in own[:e + 1]]
         first_target.append(len(target))
     every = (order, first_joint, first_body, rows, first_near, near, first_target, target)
-    return Order(*(np.array(values, np.int64) for values in every))
+    return EliminationOrder(*(np.array(values, np.int64) for values in every))

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.objects import Body, vector
-from wsim.scene.bodies import Compared
+from wsim.physics.rigid.objects import Body, vector3_or_none
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Motion
 
 SHIFTS, TURNS = ("transX", "transY", "transZ"), ("rotX", "rotY", "rotZ")
@@ -49,7 +49,7 @@ class Drive:
 
 
 @dataclass(eq=False)
-class Joint(Compared):
+class Joint(ArrayDataclass):
     """A joint between two bodies, or a body and the world, as in
     `scene.joint("revolute", "/hinge", None, scene.body("/door", Box((0.4, 1, 0.02))), at=(-0.4, 0, 0), axis=(0, 1, 0))`.
 
@@ -90,7 +90,7 @@ class Joint(Compared):
 
     def __post_init__(self):
         for name in ("at0", "at1"):
-            setattr(self, name, vector(getattr(self, name)))
+            setattr(self, name, vector3_or_none(getattr(self, name)))
         for name in ("turn0", "turn1"):
             setattr(self, name, np.array(getattr(self, name), np.float64).reshape(4))
         self.limits = {name: (float(low), float(high)) for name, (low, high) in self.limits.items()}
@@ -116,18 +116,18 @@ class Joint(Compared):
         return name in self.limits and self.limits[name][0] >= self.limits[name][1]
 
 
-def all_locked(*but: str) -> dict[str, tuple[float, float]]:
+def locked_limits_except(*but: str) -> dict[str, tuple[float, float]]:
     """Limits that lock every shift and turn but those named."""
     return {name: LOCKED for name in AXES if name not in but}
 
 
-def between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Joint:
+def joint_between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Joint:
     """A joint of two bodies as they stand, None for the world; its frames agree, at a place `at` (3,) [m] of the world, with x
     along `axis`. more: fields of `Joint`."""
     x = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
     y /= np.linalg.norm(y)
-    q = rotation.quaternion(np.stack([x, y, np.cross(x, y)], axis=1))
+    q = rotation.matrix_quat(np.stack([x, y, np.cross(x, y)], axis=1))
     if np.array_equal(x, (1.0, 0.0, 0.0)):
         q = np.array([0.0, 0.0, 0.0, 1.0])
     for k, body in enumerate((body0, body1)):
@@ -135,34 +135,35 @@ def between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.0, 0.0
         R = M[:3, :3]
         more[f"body{k}"] = "" if body is None else body.path
         more[f"at{k}"] = R.T @ (np.asarray(at, np.float64) - M[:3, 3])
-        more[f"turn{k}"] = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), q)
+        more[f"turn{k}"] = rotation.quat_product(rotation.quat_conjugate(rotation.matrix_quat(R)), q)
     return Joint(path, **more)
 
 
-def fixed(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
-    """Neither shift nor turn; see `between`."""
-    return between(path, body0, body1, limits=all_locked(), **more)
+def fixed_joint(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+    """Neither shift nor turn; see `joint_between`."""
+    return joint_between(path, body0, body1, limits=locked_limits_except(), **more)
 
 
-def revolute(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
-    """A turn about `axis` alone, between angles [rad]; see `between`."""
-    limits = all_locked("rotX") | _within("rotX", low, high)
-    return between(path, body0, body1, limits=limits, **more)
+def revolute_joint(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
+    """A turn about `axis` alone, between angles [rad]; see `joint_between`."""
+    limits = locked_limits_except("rotX") | _limits_or_none("rotX", low, high)
+    return joint_between(path, body0, body1, limits=limits, **more)
 
 
-def prismatic(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
-    """A shift along `axis` alone, between lengths [m]; see `between`."""
-    limits = all_locked("transX") | _within("transX", low, high)
-    return between(path, body0, body1, limits=limits, **more)
+def prismatic_joint(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
+    """A shift along `axis` alone, between lengths [m]; see `joint_between`."""
+    limits = locked_limits_except("transX") | _limits_or_none("transX", low, high)
+    return joint_between(path, body0, body1, limits=limits, **more)
 
 
-def spherical(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
-    """Turns alone, `axis` within a `cone` where that is given; see `between`."""
-    return between(path, body0, body1, limits=all_locked(*TURNS), **more)
+def spherical_joint(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+    """Turns alone, `axis` within a `cone` where that is given; see `joint_between`."""
+    return joint_between(path, body0, body1, limits=locked_limits_except(*TURNS), **more)
 
 
-def _within(name: str, low: float, high: float) -> dict[str, tuple[float, float]]:
+def _limits_or_none(name: str, low: float, high: float) -> dict[str, tuple[float, float]]:
     return {name: (low, high)} if low > -inf or high < inf else {}
 
 
-KINDS = {"fixed": fixed, "revolute": revolute, "prismatic": prismatic, "spherical": spherical}       # by name, for scenes
+# by name, for scenes
+KINDS = {"fixed": fixed_joint, "revolute": revolute_joint, "prismatic": prismatic_joint, "spherical": spherical_joint}

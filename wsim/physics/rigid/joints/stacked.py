@@ -16,7 +16,7 @@ from pxr import Usd, UsdPhysics
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, LOCKED, SHIFTS, Drive, Joint
 from wsim.usd import names
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import StageReading, StageUnits
 
 SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
 DAMPING, STIFFNESS, REST, REFERENCE = "newton:damping", "mjc:stiffness", "mjc:springref", "mjc:ref"
@@ -26,7 +26,7 @@ ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
 
 
-def stacked_joints(reading: Reading, prim: Usd.Prim) -> list[Usd.Prim]:
+def stacked_joints(reading: StageReading, prim: Usd.Prim) -> list[Usd.Prim]:
     """Joints that act one behind the other with a joint, outermost first; of others the joint alone."""
     if reading.stacks is None:
         reading.stacks = {}
@@ -37,12 +37,12 @@ def stacked_joints(reading: Reading, prim: Usd.Prim) -> list[Usd.Prim]:
                 ends = tuple(tuple(rel.GetTargets()) for rel in (api.GetBody0Rel(), api.GetBody1Rel()))
                 groups[ends].append(each)
         for ends, joints in groups.items():
-            if len(joints) > 1 and len(ends[1]) == 1 and _adds(reading, reading.stage.GetPrimAtPath(ends[1][0])):
+            if len(joints) > 1 and len(ends[1]) == 1 and _joints_add_mobility(reading, reading.stage.GetPrimAtPath(ends[1][0])):
                 reading.stacks |= {joint.GetPath(): joints for joint in joints}
     return reading.stacks.get(prim.GetPath(), [prim])
 
 
-def _adds(reading: Reading, prim: Usd.Prim) -> bool:
+def _joints_add_mobility(reading: StageReading, prim: Usd.Prim) -> bool:
     """Whether a body lies in an articulation whose joints add mobility."""
     while prim and not prim.IsPseudoRoot():
         attribute = prim.GetAttribute(names.JOINTS_ADD)
@@ -52,7 +52,7 @@ def _adds(reading: Reading, prim: Usd.Prim) -> bool:
     return False
 
 
-def merge_joints(reading: Reading, joints: list[Joint]) -> Joint | None:
+def merge_joints(reading: StageReading, joints: list[Joint]) -> Joint | None:
     """One joint with the freedom of revolute and prismatic ones, outermost first; None, with an error, where axes are not
     orthogonal or a drive varies in time."""
     free = [next(name for name in AXES if not joint.locked(name)) for joint in joints]
@@ -60,7 +60,7 @@ def merge_joints(reading: Reading, joints: list[Joint]) -> Joint | None:
     shifts = [joint for joint, name in zip(joints, free, strict=True) if name == "transX"]
     axes: list[np.ndarray] = []
     for joint in (*turns, *shifts):
-        axis = rotation.rotate(joint.turn1, np.array([1.0, 0.0, 0.0]))
+        axis = rotation.quat_rotate(joint.turn1, np.array([1.0, 0.0, 0.0]))
         if all(abs(axis @ other) < 1.0 - ACROSS for other in axes):
             axes.append(axis)
     if len(axes) > 3 or any(abs(a @ b) > ACROSS for k, a in enumerate(axes) for b in axes[:k]):
@@ -76,20 +76,20 @@ def merge_joints(reading: Reading, joints: list[Joint]) -> Joint | None:
                      "small angles alone; put a body between each two of these joints")
     R = np.stack(axes, 1) if len(axes) == 3 else np.eye(3)
     if len(axes) < 3:
-        R = np.stack([*axes, *_completed(axes)], 1)
+        R = np.stack([*axes, *_complete_axes(axes)], 1)
     if np.linalg.det(R) < 0.0:
         R[:, 2] *= -1.0
     first = (turns or shifts)[0]
     found = replace(first, path=joints[0].path, limits=dict.fromkeys(AXES, LOCKED), drives={})
-    between = rotation.multiply(first.turn0, rotation.conjugate(first.turn1))          # body 1 in body 0, where it stands
-    found.turn1 = rotation.quaternion(R)
-    found.turn0 = rotation.multiply(between, found.turn1)
+    between = rotation.quat_product(first.turn0, rotation.quat_conjugate(first.turn1))  # body 1 in body 0, where it stands
+    found.turn1 = rotation.matrix_quat(R)
+    found.turn0 = rotation.quat_product(between, found.turn1)
     for joint in joints:
-        _add(found, joint, R)
+        _add_joint_freedom(found, joint, R)
     return found
 
 
-def _completed(axes: list[np.ndarray]) -> list[np.ndarray]:
+def _complete_axes(axes: list[np.ndarray]) -> list[np.ndarray]:
     if len(axes) == 2:
         return [np.cross(axes[0], axes[1])]
     other = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
@@ -97,10 +97,10 @@ def _completed(axes: list[np.ndarray]) -> list[np.ndarray]:
     return [other, np.cross(axes[0], other)]
 
 
-def _add(found: Joint, joint: Joint, R: np.ndarray) -> None:
+def _add_joint_freedom(found: Joint, joint: Joint, R: np.ndarray) -> None:
     """Gives a merged joint the freedom of one of its parts."""
     own = next(name for name in AXES if not joint.locked(name))
-    along = rotation.rotate(joint.turn1, np.array([1.0, 0.0, 0.0])) @ R
+    along = rotation.quat_rotate(joint.turn1, np.array([1.0, 0.0, 0.0])) @ R
     k = int(np.argmax(np.abs(along)))
     name, sign = AXES[k + 3 * (own == "rotX")], float(np.sign(along[k]))
     del found.limits[name]
@@ -112,14 +112,14 @@ def _add(found: Joint, joint: Joint, R: np.ndarray) -> None:
         found.drives[name] = replace(drive, target=sign * drive.target, speed=sign * drive.speed)
 
 
-def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
+def passive_drives(reading: StageReading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
     """Drives of a joint with one free coordinate, and with its passive spring and damper (NewtonJointAPI, MjcJointAPI)."""
     values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, *UNSEEN)
               if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}
     for key, what in UNSEEN.items():
         if values.get(key, 0.0):
             reading.warn(prim.GetPath(), f"{key} is ignored ({what}); remove it, or expect motion unlike MuJoCo's")
-    damping, stiffness = _gains(reading.units, name, values)
+    damping, stiffness = _passive_joint_gains(reading.units, name, values)
     if damping == 0.0 and stiffness == 0.0:
         return drives
     own = drives.get(name, Drive())
@@ -127,12 +127,12 @@ def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str
         reading.warn(prim.GetPath(), f"{DAMPING} and {STIFFNESS} are ignored: they do not combine with this joint's drive; "
                      "remove the drive to use them")
         return drives
-    rest, zero = (mujoco_place(reading, prim, name, key) for key in (REST, REFERENCE))
+    rest, zero = (mujoco_reference_value(reading, prim, name, key) for key in (REST, REFERENCE))
     rest = rest - zero if stiffness else own.target
     return drives | {name: replace(own, damping=own.damping + damping, stiffness=own.stiffness + stiffness, target=rest)}
 
 
-def mujoco_place(reading: Reading, prim: Usd.Prim, name: str, key: str) -> float:
+def mujoco_reference_value(reading: StageReading, prim: Usd.Prim, name: str, key: str) -> float:
     """Value of mjc:ref or mjc:springref of a joint [m] or [rad]; 0 where it is not authored. In the pose of the stage, the
     joint coordinate is mjc:ref in MuJoCo and 0 in wsim. So mjc:ref is subtracted from limits and from the spring's rest."""
     attribute = prim.GetAttribute(key)
@@ -144,7 +144,7 @@ def mujoco_place(reading: Reading, prim: Usd.Prim, name: str, key: str) -> float
     return value if radians else value * DEGREE
 
 
-def _gains(units: Units, name: str, values: dict[str, float]) -> tuple[float, float]:
+def _passive_joint_gains(units: StageUnits, name: str, values: dict[str, float]) -> tuple[float, float]:
     """Damping and stiffness in SI units: newton's per degree, MuJoCo's per radian."""
     damping, stiffness = values.get(DAMPING, 0.0), values.get(STIFFNESS, 0.0)
     if name in SHIFTS:

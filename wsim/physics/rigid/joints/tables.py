@@ -10,35 +10,35 @@ from wsim.geometry import rotation
 from wsim.kernels.rigid.joint import tables
 from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE, GENERAL
 from wsim.model.stage import Clock
-from wsim.model.state import Field, Part
-from wsim.model.structs import filled
-from wsim.physics.rigid.joints.aims import Aims, aims
-from wsim.physics.rigid.joints.islands import ordered
+from wsim.model.state import StateField, StatePart
+from wsim.model.structs import fill_struct
+from wsim.physics.rigid.joints.aims import DriveTargets, varying_drive_targets
+from wsim.physics.rigid.joints.islands import elimination_order
 from wsim.physics.rigid.joints.joint import AXES, LIVE, Drive, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
 
-FIELDS = (Field("quarters", "", True, "quarter turns of the twist, counted on", "int"),
-          Field("broken", "", True, "1: it broke", "int"))
+FIELDS = (StateField("quarters", "", True, "quarter turns of the twist, counted on", "int"),
+          StateField("broken", "", True, "1: it broke", "int"))
 SWEEPS = 4                  # at least: of the places that velocities lead to, which are not linear in them
 ONE = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-def rows_of(joint: Joint) -> list[Joint]:
+def device_rows(joint: Joint) -> list[Joint]:
     """A joint as those of the device: a distance beside limits of shifts is one of its own."""
     apart = LENGTH in joint.limits or LENGTH in joint.drives
     others = {name for name in (*joint.limits, *joint.drives) if name != LENGTH}
     if not apart or not others and joint.cone is None:
         return [joint]
 
-    def part(far: bool) -> Joint:
-        def mine(table):
+    def part_of_joint(far: bool) -> Joint:
+        def part_rows(table):
             return {name: value for name, value in table.items() if (name == LENGTH) == far}
-        values = vars(joint) | {"limits": mine(joint.limits), "drives": mine(joint.drives)}
+        values = vars(joint) | {"limits": part_rows(joint.limits), "drives": part_rows(joint.drives)}
         return Joint(**values | ({"cone": None} if far else {}))
-    return [part(False), part(True)]
+    return [part_of_joint(False), part_of_joint(True)]
 
 
-def narrowed(joint: Joint) -> Joint:
+def drop_cone(joint: Joint) -> Joint:
     """The same joint without a cone that is none: one of no width is a range of the other swing."""
     if joint.cone is None or joint.cone != (inf, inf) and min(joint.cone) > 0.0:
         return joint
@@ -46,41 +46,42 @@ def narrowed(joint: Joint) -> Joint:
     return Joint(**vars(joint) | {"cone": None, "limits": joint.limits | range_of})
 
 
-def turned(joint: Joint) -> Joint:
+def rename_twist_axis(joint: Joint) -> Joint:
     """The same joint with its axes named anew, so that the twist is about the one axis that turns, if no other does: a swing of
     half a turn has no direction."""
     free = [k for k, name in enumerate(AXES[3:]) if not joint.locked(name)]
     if len(free) != 1 or free == [0]:
         return joint
     k = free[0]
-    q = rotation.quaternion(np.eye(3)[:, [k, (k + 1) % 3, (k + 2) % 3]])
+    q = rotation.matrix_quat(np.eye(3)[:, [k, (k + 1) % 3, (k + 2) % 3]])
 
-    def named(table: dict) -> dict:
-        def new(name: str) -> str:
+    def rename_axes(table: dict) -> dict:
+        def renamed_axis(name: str) -> str:
             return name if name == LENGTH else name[:-1] + "XYZ"["XYZ".index(name[-1]) - k]
-        return {new(name): value for name, value in table.items()}
-    return Joint(**vars(joint) | {"turn0": rotation.multiply(joint.turn0, q), "turn1": rotation.multiply(joint.turn1, q),
-                                  "limits": named(joint.limits), "drives": named(joint.drives)})
+        return {renamed_axis(name): value for name, value in table.items()}
+    turns = {name: rotation.quat_product(getattr(joint, name), q) for name in ("turn0", "turn1")}
+    return Joint(**vars(joint) | turns | {"limits": rename_axes(joint.limits), "drives": rename_axes(joint.drives)})
 
 
-class Joints:
+class DeviceJoints:
     """The joints of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
 
     def __init__(self, b, method):
         self.model, self.method, self.device = b.model, method, b.model.device
         self.given = [joint for joint in b.scene.things("Joint") if joint.enabled]
         rows = {body.path: k for k, body in enumerate(b.scene.things("Body"))}
-        parts = [(k, part, turned(part)) for k, joint in enumerate(self.given) for part in rows_of(narrowed(joint))]
+        parts = [(k, part, rename_twist_axis(part)) for k, joint in enumerate(self.given)
+                 for part in device_rows(drop_cone(joint))]
         self.every = [(k, j, dict(zip(part.drives, j.drives, strict=True))) for k, part, j in parts]     # drives by new names
         pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j, _ in self.every])
-        one = ordered(pairs, len(rows))
+        one = elimination_order(pairs, len(rows))
         self.order_of = one.joint
         self.joints, self.pairs = [self.every[k][1] for k in one.joint], pairs[one.joint]
         self.closed, self.single = one.closed(self.pairs), one.single()
         worlds = b.model.worlds
-        self.order = one.repeated(worlds, len(rows))
+        self.order = one.repeat_for_worlds(worlds, len(rows))
         self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
-        self.part = Part.allocate("joints", FIELDS, self.count, b.model.real, self.device)
+        self.part = StatePart.allocate("joints", FIELDS, self.count, b.model.real, self.device)
         path, n = b.scene.things("Body")[0].written, len(self.joints)             # joints have no samples: they go with a body
         self.part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
         b.state.add(self.part)
@@ -88,51 +89,51 @@ class Joints:
         self._tables(worlds)
         self.known: tuple = ()
         self.settle: Any = None
-        self.aims = Aims(self, found) if (found := aims(b.scene)) else None
+        self.aims = DriveTargets(self, found) if (found := varying_drive_targets(b.scene)) else None
 
-    def _up(self, values, dtype):
+    def _to_device(self, values, dtype):
         values = np.ascontiguousarray(values, np.int32 if dtype is int else np.float64)
         return self.model.upload(values, dtype) if values.size else wp.zeros(values.shape[:1], dtype=dtype, device=self.device)
 
     def _tables(self, worlds: int) -> None:
-        up, order, n = self._up, self.order, len(self.joints)
-        Joints, Linked = tables.structs()
+        up, order, n = self._to_device, self.order, len(self.joints)
+        Joints, Linked = tables.joint_table_structs()
         origin, masses, bodies = self.method.origin, self.method.masses, len(self.method.bodies)
         per = bodies // worlds
 
         def tiled(values, dtype):
             return up(np.concatenate([np.asarray(values)] * worlds), dtype)
-        sides = self._sides(masses)
-        self.anchor = np.array([_origin(j) for j in self.joints])
+        sides = self._side_frames(masses)
+        self.anchor = np.array([_anchor_origin(j) for j in self.joints])
         from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
         body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
-        rows = [_rows(j) for j in self.joints]
+        rows = [_joint_row_columns(j) for j in self.joints]
         shape = {name: tiled([r[name] for r in rows], int if name in ("kind", "drive") else wp.float64) for name in rows[0]}
         lists = {name: up(getattr(order, name), int)
                  for name in ("first_joint", "first_body", "body", "first_near", "near", "first_target")}
-        t = filled(Joints, a=up(np.concatenate(body[0::2]), int), b=up(np.concatenate(body[1::2]), int),
-                   at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
-                   turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd), turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd),
-                   apart=tiled([b - a for a, b in from_to], wp.vec3d), form=tiled([_form(j) for j in self.joints], int),
-                   closed=tiled(self.closed, int), alone=tiled(self.single, int),
-                   cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
-                   breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
-                   w=up([1.0 / m.mass for m in masses], wp.float64),
-                   linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int),
-                   target_block=up(order.target, int), **shape, **lists)
-        self.linked = filled(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
-                             **self._work(n * worlds, bodies))
+        t = fill_struct(Joints, a=up(np.concatenate(body[0::2]), int), b=up(np.concatenate(body[1::2]), int),
+                        at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
+                        turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd),
+                        turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd), apart=tiled([b - a for a, b in from_to], wp.vec3d),
+                        form=tiled([_joint_form_code(j) for j in self.joints], int), closed=tiled(self.closed, int),
+                        alone=tiled(self.single, int), cone=tiled([_inverse_cone_angles(j) for j in self.joints], wp.vec2d),
+                        breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
+                        w=up([1.0 / m.mass for m in masses], wp.float64),
+                        linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int), target_block=up(order.target, int),
+                        **shape, **lists)
+        self.linked = fill_struct(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
+                                  **self._allocate_joint_work(n * worlds, bodies))
 
-    def _sides(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _side_frames(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
         """Frames of all joints of the first world on a, then b, one joint after the other."""
-        return [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
+        return [_joint_frame_in_body(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
                 for k, row in enumerate(pair)]
 
     def weigh(self, masses: list) -> None:
         """Other masses, moments and principal axes of the bodies."""
         t, worlds = self.linked.t, self.model.worlds
         t.w.assign(np.array([1.0 / m.mass for m in masses]))
-        every = [self._sides(masses[w * len(masses) // worlds:]) for w in range(worlds)]
+        every = [self._side_frames(masses[w * len(masses) // worlds:]) for w in range(worlds)]
         for k, name in enumerate(("a", "b")):
             getattr(t, f"at_{name}").assign(np.array([s[0] for sides in every for s in sides[k::2]]))
             getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
@@ -161,7 +162,7 @@ class Joints:
         n, worlds = len(self.joints), range(self.model.worlds) if world is None else [world]
         return [[(j + w * n, row) for _, j, row in one] for w in worlds] if one else []
 
-    def _work(self, n: int, bodies: int) -> dict[str, Any]:
+    def _allocate_joint_work(self, n: int, bodies: int) -> dict[str, Any]:
         def zeros(shape, dtype=wp.float64):
             return wp.zeros(shape, dtype=dtype, device=self.device)
         found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "give", "rhs", "under", "over", "much",
@@ -171,8 +172,7 @@ class Joints:
         found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
         return found | {"Q": zeros(bodies, wp.quatd), "S": zeros(bodies, wp.mat33d), "touched": zeros(bodies, int),
                         "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d), "given": zeros(n),
-                        **{name: zeros((n, 6), int) for name in ("active", "next")},
-                        "block": zeros(36 * self.order.blocks)}
+                        **{name: zeros((n, 6), int) for name in ("active", "next")}, "block": zeros(36 * self.order.blocks)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of anchors at the substeps of a frame; still ones once; what drives are asked for."""
@@ -186,17 +186,17 @@ class Joints:
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.joints)
         M = np.array([j.motion.sampled(time + h * np.arange(rows + moves)) for j in self.joints]).swapaxes(0, 1)
         local = [(j.at0, j.turn0) if a < 0 else (j.at1, j.turn1) for j, (a, _) in zip(self.joints, self.pairs, strict=True)]
-        q = rotation.multiply(rotation.quaternion(M[:, :, :3, :3]), np.array([turn for _, turn in local]))
+        q = rotation.quat_product(rotation.matrix_quat(M[:, :, :3, :3]), np.array([turn for _, turn in local]))
         x = np.einsum("knij,nj->kni", M[:, :, :3, :3], np.array([at for at, _ in local])) + M[:, :, :3, 3] - self.anchor
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
-            v, omega = (x[1:] - x[:-1]) / h, rotation.angular_velocity(q[:-1], q[1:], h)
+            v, omega = (x[1:] - x[:-1]) / h, rotation.angular_velocity_between(q[:-1], q[1:], h)
         worlds = self.model.worlds
         values = [np.tile(each[:rows], (1, worlds, 1)) for each in (x, q, v, omega)]
         t, names = self.linked.t, ("anchor_x", "anchor_q", "anchor_v", "anchor_o")
         if self.method.sleep:
             if self.known not in ((), known):
-                self.method.sleep.wake()
+                self.method.sleep.wake_bodies()
             self.method.sleep.hung(np.tile(v, (1, worlds, 1)), np.tile(omega, (1, worlds, 1)))
         if self.known != known:
             t.moving = int(moves)
@@ -214,9 +214,9 @@ class Joints:
 
     def alone(self):
         """Kernel of islands whose bodies touch nothing."""
-        from wsim.kernels.rigid.joint.steps import jointed
+        from wsim.kernels.rigid.joint.steps import joint_substep_kernel
         self.settle = self.method.sleep.alone() if self.method.sleep else None
-        return jointed(self.model.real, self.model.module)
+        return joint_substep_kernel(self.model.real, self.model.module)
 
     def advance(self, kernel, clock: Clock, bodies, now) -> None:
         """All substeps of a frame by that kernel."""
@@ -226,13 +226,13 @@ class Joints:
 
     def passes(self):
         """Function (name, what is given, contacts) that launches a pass of the islands (kernels/rigid/joint/passes.py)."""
-        from wsim.kernels.rigid.joint.passes import MODULES, launched
-        kernels = launched(self.model.real, *map(self.model.shared_module, MODULES))
+        from wsim.kernels.rigid.joint.passes import MODULES, joint_pass_kernels
+        kernels = joint_pass_kernels(self.model.real, *map(self.model.shared_module, MODULES))
 
-        def run(name: str, given, contacts) -> None:
+        def launch_joint_pass(name: str, given, contacts) -> None:
             given = given if isinstance(given, tuple) else (given,)
             self.model.launch(kernels[name], self.islands, [*given, contacts.rig(), self.with_contacts(contacts.work)], [])
-        return run
+        return launch_joint_pass
 
     @property
     def what(self) -> str:
@@ -252,38 +252,38 @@ class Joints:
         return float(off[whole, :3].max(initial=0.0)), float(off[whole, 3:].max(initial=0.0))
 
 
-def _origin(joint: Joint) -> np.ndarray:
+def _anchor_origin(joint: Joint) -> np.ndarray:
     """What places of an anchor are measured from: where its frame is at the start."""
     M = joint.motion.at(0.0)
     at = joint.at0 if not joint.body0 else joint.at1
     return M[:3, :3] @ at + M[:3, 3]
 
 
-def _frame(joint: Joint, side: int, masses: list, row: int) -> tuple[np.ndarray, np.ndarray]:
+def _joint_frame_in_body(joint: Joint, side: int, masses: list, row: int) -> tuple[np.ndarray, np.ndarray]:
     """(place from the centre of mass, quaternion) in principal axes."""
     at, q = (joint.at0, joint.turn0) if side == 0 else (joint.at1, joint.turn1)
     if row < 0:
         return np.zeros(3), ONE
-    back = rotation.conjugate(masses[row].axes)
-    return rotation.rotate(back, at - masses[row].center), rotation.normalized(rotation.multiply(back, q))
+    back = rotation.quat_conjugate(masses[row].axes)
+    return rotation.quat_rotate(back, at - masses[row].center), rotation.unit_quat(rotation.quat_product(back, q))
 
 
-def _form(joint: Joint) -> int:
+def _joint_form_code(joint: Joint) -> int:
     if LENGTH in joint.limits or LENGTH in joint.drives:
         return int(DISTANCE)
     return int(CONE if joint.cone is not None else GENERAL)
 
 
-def _cone(joint: Joint) -> tuple[float, float]:
+def _inverse_cone_angles(joint: Joint) -> tuple[float, float]:
     y, z = joint.cone or (inf, inf)
     return 1.0 / y, 1.0 / z
 
 
-def _rows(joint: Joint) -> dict[str, list]:
+def _joint_row_columns(joint: Joint) -> dict[str, list]:
     """What the six rows of a joint are."""
     names = ("kind", "drive", "low", "high", "stiffness", "damping", "target", "speed", "most")
     found: dict[str, list] = {name: [] for name in names}
-    form = _form(joint)
+    form = _joint_form_code(joint)
     for k, name in enumerate(AXES):
         name = LENGTH if form == DISTANCE and k == 0 else name
         low, high = joint.limits.get(name, (-inf, inf))

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from wsim.model.tape import Tape, give, without
+from wsim.model.tape import Tape, add_and_clear_gradient, without_gradient
 
 
-def aside(tape: Tape, arrays: list[wp.array], forward: Callable[[], None],
-          backward: Callable[[list[np.ndarray]], list[np.ndarray]], kept: dict) -> None:
+def record_host_step(tape: Tape, arrays: list[wp.array], forward: Callable[[], None],
+                     backward: Callable[[list[np.ndarray]], list[np.ndarray]], kept: dict) -> None:
     """forward() takes `arrays` of the state from there and writes them; backward(gradients of what it has written) gives those
     of what it has read. kept: what forward() leaves for backward(). No graph holds such a stretch (`Tape.eager`)."""
     tape.eager = True
@@ -19,17 +19,17 @@ def aside(tape: Tape, arrays: list[wp.array], forward: Callable[[], None],
         tape.write(a, True)
     wrote = [tape.read(a) for a in arrays]                        # they are kept
 
-    def step() -> None:
+    def run_host_step() -> None:
         for a, version in zip(arrays, read, strict=True):
-            wp.copy(a, without(version))
+            wp.copy(a, without_gradient(version))
         forward()
         for a, version in zip(arrays, wrote, strict=True):
-            wp.copy(without(version), a)
+            wp.copy(without_gradient(version), a)
 
-    def back() -> None:
+    def host_step_backward() -> None:
         found = backward([version.grad.numpy() for version in wrote])
         for version, after, grad in zip(read, wrote, found, strict=True):
             after.grad.zero_()
-            give(wp.array(grad, dtype=version.dtype, device=version.device), version.grad)
-    tape.do(step)
-    tape.adjoints.append(back)
+            add_and_clear_gradient(wp.array(grad, dtype=version.dtype, device=version.device), version.grad)
+    tape.do(run_host_step)
+    tape.adjoints.append(host_step_backward)

@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import conjugate, matrix, multiply, normalized, rotate
+from wsim.geometry.rotation import quat_conjugate, quat_product, quat_rotate, quaternion_to_matrix, unit_quat
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock
-from wsim.physics.rigid.mass import along
+from wsim.physics.rigid.mass import inertia_axis_directions
 from wsim.scene import Problem, SceneError
 
 TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
 
 
 @dataclass
-class Motions:
+class RecordedMotions:
     """The motions of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
 
     x: np.ndarray
@@ -35,13 +35,13 @@ class Motions:
     L: np.ndarray
 
 
-def turning(R: np.ndarray, by: np.ndarray) -> np.ndarray:
+def rotation_cotangent(R: np.ndarray, by: np.ndarray) -> np.ndarray:
     """Cotangent (n, 3) of a small turn of rotations, of cotangents (n, 3, 3) of their entries."""
     S = R @ by.transpose(0, 2, 1)
     return np.stack([S[:, 1, 2] - S[:, 2, 1], S[:, 2, 0] - S[:, 0, 2], S[:, 0, 1] - S[:, 1, 0]], axis=1)
 
 
-class Recorded:
+class RecordedBodies:
     """Arrays of the method's part as one step reads and writes them, and what frames of a recording leave."""
 
     whole = False                      # every substep is kept
@@ -76,10 +76,10 @@ class Recorded:
         m = self.method.masses[k]
         if name in ("velocity", "spin"):
             _, _, p, L = held[self.every.ptr].reshape(4, -1, 3)[:, k]
-            q = normalized(held[self.q.ptr][k] + held[self.o.ptr][k])
-            return p / m.mass if name == "velocity" else rotate(q, rotate(conjugate(q), L) / m.moments)
+            q = unit_quat(held[self.q.ptr][k] + held[self.o.ptr][k])
+            return p / m.mass if name == "velocity" else quat_rotate(q, quat_rotate(quat_conjugate(q), L) / m.moments)
         if name == "inertia":
-            return along(self.method.bodies[k][0], m)**2 @ m.moments
+            return inertia_axis_directions(self.method.bodies[k][0], m)**2 @ m.moments
         table = {"force": self.method.force, "torque": self.method.twist}.get(name)
         return m.mass if name == "mass" else getattr(self.method.table, name).numpy()[k] if table is None else table[k].copy()
 
@@ -90,10 +90,10 @@ class Recorded:
         for kept, array in zip(self.kept, self.arrays, strict=True):
             wp.copy(kept[frame], array)
 
-    def motions(self, frame: int) -> Motions:
+    def motions(self, frame: int) -> RecordedMotions:
         every, q, o = (a[frame].numpy().astype(np.float64) for a in self.kept)
         x, e, p, L = every.reshape(4, -1, 3)
-        return Motions(x + e, normalized(q + o), p, L)
+        return RecordedMotions(x + e, unit_quat(q + o), p, L)
 
     def places(self, path: str, name: str, world: int) -> Any:
         """Places of a value that is none of a body's own; None: nowhere."""
@@ -113,15 +113,15 @@ class Recorded:
         return np.array([m.mass for m in masses]), np.array([m.moments for m in masses])
 
     def axes(self) -> np.ndarray:
-        return matrix(np.array([m.axes for m in self.method.masses]))
+        return quaternion_to_matrix(np.array([m.axes for m in self.method.masses]))
 
-    def losses(self, frames: int, poses: dict | None, twists: dict | None) -> "Losses":
-        return Losses(self, frames, poses, twists)
+    def losses(self, frames: int, poses: dict | None, twists: dict | None) -> "BodyLosses":
+        return BodyLosses(self, frames, poses, twists)
 
     def poses(self, frame: int) -> np.ndarray:
         """Frames of the bodies to the world (n, 4, 4), lengths [m]."""
         s, found = self.motions(frame), np.tile(np.eye(4), (len(self.method.bodies), 1, 1))
-        found[:, :3, :3] = matrix(s.q) @ self.axes().transpose(0, 2, 1)
+        found[:, :3, :3] = quaternion_to_matrix(s.q) @ self.axes().transpose(0, 2, 1)
         center = np.array([m.center for m in self.method.masses])
         found[:, :3, 3] = self.method.origin + s.x - np.einsum("nij,nj->ni", found[:, :3, :3], center)
         return found
@@ -129,14 +129,14 @@ class Recorded:
     def twists(self, frame: int) -> np.ndarray:
         """Velocities of the centres of mass [m/s] and angular velocities [rad/s], world, (n, 2, 3)."""
         s, (mass, moments) = self.motions(frame), self.masses()
-        return np.stack([s.p / mass[:, None], rotate(s.q, rotate(conjugate(s.q), s.L) / moments)], axis=1)
+        return np.stack([s.p / mass[:, None], quat_rotate(s.q, quat_rotate(quat_conjugate(s.q), s.L) / moments)], axis=1)
 
 
-class Losses:
+class BodyLosses:
     """Derivatives of a loss by poses and twists, frame by frame on the way back. direct: what they add to the gradients with
     respect to 1/m and 1/I themselves."""
 
-    def __init__(self, recorded: Recorded, frames: int, poses: dict | None, twists: dict | None):
+    def __init__(self, recorded: RecordedBodies, frames: int, poses: dict | None, twists: dict | None):
         self.recorded, n = recorded, len(recorded.method.bodies)
         self.poses = {frame: self.dense("poses", frames, frame, given, (4, 4)) for frame, given in (poses or {}).items()}
         self.twists = {frame: self.dense("twists", frames, frame, given, (2, 3)) for frame, given in (twists or {}).items()}
@@ -159,8 +159,8 @@ class Losses:
         if frame not in self.poses and frame not in self.twists:
             return []
         r, s = self.recorded, self.recorded.motions(frame)
-        n, (mass, moments), R = len(s.x), r.masses(), matrix(s.q)
-        by = Motions(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
+        n, (mass, moments), R = len(s.x), r.masses(), quaternion_to_matrix(s.q)
+        by = RecordedMotions(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
         by_R = np.zeros((n, 3, 3))
         if frame in self.poses:
             M = self.poses[frame]
@@ -169,14 +169,14 @@ class Losses:
             by_R += (M[:, :3, :3] - M[:, :3, 3, None] * center[:, None]) @ r.axes()
         if frame in self.twists:
             v, G = self.twists[frame][:, 0], self.twists[frame][:, 1]
-            own, own_G = rotate(conjugate(s.q), s.L), rotate(conjugate(s.q), G)
+            own, own_G = quat_rotate(quat_conjugate(s.q), s.L), quat_rotate(quat_conjugate(s.q), G)
             by.p += v / mass[:, None]
-            by.L += rotate(s.q, own_G / moments)
+            by.L += quat_rotate(s.q, own_G / moments)
             by_R += G[:, :, None] * (own / moments)[:, None] + s.L[:, :, None] * (own_G / moments)[:, None]
             self.direct["w"] += (s.p * v).sum(1)
             self.direct["inverse"] += own * own_G
-        tau = turning(R, by_R)
-        by.q = 2.0 * multiply(np.concatenate([tau, np.zeros((n, 1))], axis=1), s.q)
+        tau = rotation_cotangent(R, by_R)
+        by.q = 2.0 * quat_product(np.concatenate([tau, np.zeros((n, 1))], axis=1), s.q)
         return [(r.every, np.concatenate([by.x, np.zeros((n, 3)), by.p, by.L])), (r.q, by.q)]
 
 
@@ -188,7 +188,7 @@ class BodyGradient:
     """Derivatives with respect to what bodies begin with and are made of. carried: those by the state at the start, by array;
     grads: those by tables."""
 
-    def __init__(self, losses: Losses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray]):
+    def __init__(self, losses: BodyLosses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray]):
         r = self.recorded = losses.recorded
         n = len(r.method.bodies)
         self.start = r.motions(0)
@@ -208,14 +208,14 @@ class BodyGradient:
 
     def spin(self, k: int) -> np.ndarray:
         s, m = self.start, self.recorded.method.masses[k]
-        return rotate(s.q[k], m.moments * rotate(conjugate(s.q[k]), self.by_L[k]))
+        return quat_rotate(s.q[k], m.moments * quat_rotate(quat_conjugate(s.q[k]), self.by_L[k]))
 
     def moments(self, k: int) -> np.ndarray:
         """Gradient with respect to the principal moments."""
         s, m = self.start, self.recorded.method.masses[k]
-        back = conjugate(s.q[k])
-        own = rotate(back, s.L[k]) / m.moments                      # omega
-        return rotate(back, self.by_L[k]) * own - self.by["inverse"][k] / m.moments**2
+        back = quat_conjugate(s.q[k])
+        own = quat_rotate(back, s.L[k]) / m.moments                 # omega
+        return quat_rotate(back, self.by_L[k]) * own - self.by["inverse"][k] / m.moments**2
 
     def mass(self, k: int) -> float:
         r, m = self.recorded, self.recorded.method.masses[k]
@@ -226,7 +226,7 @@ class BodyGradient:
 
     def inertia(self, k: int) -> np.ndarray:
         method = self.recorded.method
-        return along(method.bodies[k][0], method.masses[k])**2 @ self.moments(k)
+        return inertia_axis_directions(method.bodies[k][0], method.masses[k])**2 @ self.moments(k)
 
     def gravity(self, world: int) -> np.ndarray:
         mass, _ = self.recorded.masses()

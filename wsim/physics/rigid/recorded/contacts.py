@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import conjugate, multiply, normalized, rotate
+from wsim.geometry.rotation import quat_conjugate, quat_product, quat_rotate, unit_quat
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists.slopes import SAMPLES, slopes
+from wsim.kernels.rigid.lists.slopes import SAMPLES, pose_slope_kernel
 from wsim.model.stage import Clock
-from wsim.physics.rigid.recorded.contact_formulas import NONE, SLIPS, STICKS, Points, Surface, made, tangents
-from wsim.physics.rigid.recorded.joints import taken_back
-from wsim.physics.rigid.recorded.local import Values, derivatives, residual
-from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
-from wsim.scene.values.coverage import refuse
+from wsim.physics.rigid.recorded import contact_formulas
+from wsim.physics.rigid.recorded.joints import half_kick_difference
+from wsim.physics.rigid.recorded.local import Values, complex_derivatives, residual_values
+from wsim.physics.rigid.recorded.substep import BodyCotangents, CouplingElements, RecordedBodyValues, substep_vjp, velocity_vjp
+from wsim.scene.values.coverage import gradient_refusal
 
 STEP = 1.0e-4              # of sizes, of differences
 MOST = 64                  # rounds of impacts
@@ -26,22 +26,22 @@ LIST = ("n", "skin", "core_a", "core_b", "first_a", "first_b", "gap", "from_a", 
 FOUR = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0              # weights of -2, -1, 1, 2 steps
 
 
-def turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+def turn_between(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Rotation vectors (n, 3) from one orientation to another."""
-    q = multiply(normalized(after), conjugate(normalized(before)))
+    q = quat_product(unit_quat(after), quat_conjugate(unit_quat(before)))
     q = q * np.where(q[:, 3:] < 0.0, -1.0, 1.0)
     sine = np.linalg.norm(q[:, :3], axis=1, keepdims=True)
     return 2.0 * q[:, :3] * np.where(sine > 0.0, np.arctan2(sine, q[:, 3:]) / np.where(sine > 0.0, sine, 1.0), 1.0)
 
 
 @dataclass
-class Manifolds:
+class RecordedManifolds:
     """Points of a list: rows (points,) of it and places of four in each, frames (points, 2); geo (points, 24)."""
 
     at: np.ndarray
     frames: np.ndarray
     shapes: np.ndarray
-    surface: Surface
+    surface: contact_formulas.ContactShapes
     geo: np.ndarray
     k: int
     x: np.ndarray                                  # of bodies where it was made
@@ -49,14 +49,14 @@ class Manifolds:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)          # a, b, count, key of the list
 
 
-class ContactParts:
+class RecordedContacts:
     def __init__(self, recorded):
         self.recorded, self.contacts = recorded, recorded.method.contacts
         self.form = self.contacts.form
         self.n = recorded.method.part.count
         self.kernels = self.form.kernels["parts"]
         model, c = recorded.model, self.contacts
-        self.slopes = slopes(c.pairs, model.real, model.module)
+        self.slopes = pose_slope_kernel(c.pairs, model.real, model.module)
 
     # forward
 
@@ -75,11 +75,11 @@ class ContactParts:
                 self.launch(part, clock)
         else:
             kept |= {"made": self.listed(clock.k), "k": clock.k, "still": (self.still(clock.k), self.still(clock.k + 1))}
-            self.looked(clock, kept)
+            self.step_in_parts(clock, kept)
         if clock.k + 1 == clock.substeps:
             c.keep()
 
-    def looked(self, clock: Clock, kept: dict) -> None:
+    def step_in_parts(self, clock: Clock, kept: dict) -> None:
         """The parts of a substep, and what stands between them."""
         c, state, made_ = self.contacts, self.recorded.state, kept["made"]
         kept["rounds"], after = [], state()
@@ -98,10 +98,10 @@ class ContactParts:
         self.launch(3, clock)
         kept["loosed"] = self.impulses(c.list.push, c.list.rub, made_)
 
-    def impulses(self, push: wp.array, rub: wp.array, m: Manifolds) -> np.ndarray:
+    def impulses(self, push: wp.array, rub: wp.array, m: RecordedManifolds) -> np.ndarray:
         """(points, 3), along n and its tangents."""
         r = rub.numpy().astype(np.float64)[m.at]
-        t1, t2 = tangents(m.geo[:, :3])
+        t1, t2 = contact_formulas.contact_tangents(m.geo[:, :3])
         return np.stack([push.numpy().astype(np.float64)[m.at], (t1 * r).sum(1), (t2 * r).sum(1)], axis=1)
 
     def still(self, k: int) -> dict[str, np.ndarray]:
@@ -110,7 +110,7 @@ class ContactParts:
         return {name: getattr(s, name).numpy()[min(k, len(s.x) - 1) * s.moving].astype(np.float64)
                 for name in ("x", "q", "v", "omega")}
 
-    def listed(self, k: int) -> Manifolds:
+    def listed(self, k: int) -> RecordedManifolds:
         c, state = self.contacts, self.recorded.state()
         arrays = {name: getattr(c.list, name).numpy().copy() for name in ("a", "b", "count", "key")}
         rows = np.flatnonzero((arrays["a"] >= 0) & (arrays["count"] > 0))
@@ -121,84 +121,88 @@ class ContactParts:
         geo = np.concatenate([own["n"][at // 4], *(own[name][at] for name in LIST[2:6]), own["gap"][at][:, None],
                               own["from_a"][at // 4], own["from_b"][at // 4], own["rim"][at]], axis=1)
         place = c.table.place.numpy().astype(np.float64)[shapes]
-        z = rotate(place[..., 3:], np.broadcast_to([0.0, 0.0, 1.0], place[..., :3].shape))
+        z = quat_rotate(place[..., 3:], np.broadcast_to([0.0, 0.0, 1.0], place[..., :3].shape))
         ball = c.table.ball.numpy().astype(np.float64)[shapes]
         fastest = np.sqrt(2.0 * c.work.g * np.where(ball < 0.0, np.inf, ball).min(axis=1))
-        surface = Surface(own["skin"][at // 4], z, place[..., :3], fastest)
-        return Manifolds(at, frames, shapes, surface, geo, k, state.x, state.q, arrays)
+        surface = contact_formulas.ContactShapes(own["skin"][at // 4], z, place[..., :3], fastest)
+        return RecordedManifolds(at, frames, shapes, surface, geo, k, state.x, state.q, arrays)
 
     # backward
 
-    def sides(self, bodies: np.ndarray, still: np.ndarray, m: Manifolds) -> list[np.ndarray]:
+    def sides(self, bodies: np.ndarray, still: np.ndarray, m: RecordedManifolds) -> list[np.ndarray]:
         """Values of a and of b, of numbers of bodies and of colliders behind them."""
         every = np.concatenate([bodies, still])
         return [every[m.frames[:, s]] for s in (0, 1)]
 
-    def pose(self, x: np.ndarray, still: dict, m: Manifolds) -> np.ndarray:
+    def pose(self, x: np.ndarray, still: dict, m: RecordedManifolds) -> np.ndarray:
         a, b = self.sides(x, still["x"], m)
         return np.concatenate([a, 0.0 * a, b, 0.0 * b], axis=1)
 
-    def both(self, values: np.ndarray, m: Manifolds, width: int = 12) -> np.ndarray:
+    def both(self, values: np.ndarray, m: RecordedManifolds, width: int = 12) -> np.ndarray:
         none = np.zeros((len(self.contacts.colliders), values.shape[1]))
         return np.concatenate(self.sides(values, none, m), axis=1)
 
-    def shared(self, m: Manifolds, b: Bodies) -> Values:
+    def shared(self, m: RecordedManifolds, b: RecordedBodyValues) -> Values:
         """Values that all parts of a substep read."""
         mu = self.contacts.table.friction.numpy()[:, 1].astype(np.float64)[m.shapes].mean(axis=1)
         return {"geo": m.geo, "mass": self.both(np.concatenate([b.w[:, None], b.inverse], axis=1), m), "mu": mu[:, None]}
 
-    def constants(self, h: float, kept: dict, f: np.ndarray, pushes: np.ndarray, way: np.ndarray) -> Points:
+    def constants(self, h: float, kept: dict, f: np.ndarray, pushes: np.ndarray,
+                  way: np.ndarray) -> contact_formulas.ContactFormulas:
         m, (first, last) = kept["made"], kept["still"]
         q, Q = self.sides(kept["begin"].q, first["q"], m), self.sides(kept["end"].q, last["q"], m)
         zero = np.zeros((self.n, 6))
         given = np.concatenate(self.sides(zero, np.concatenate([first["v"], first["omega"]], axis=1), m), axis=1)
-        return Points(h, (q[0], q[1]), (Q[0], Q[1]), m.surface, given, pushes, way)
+        return contact_formulas.ContactFormulas(h, (q[0], q[1]), (Q[0], Q[1]), m.surface, given, pushes, way)
 
-    def elements(self, name: str, h: float, kept: dict, f: np.ndarray, values: Values, some: np.ndarray) -> Elements:
+    def elements(self, name: str, h: float, kept: dict, f: np.ndarray, values: Values, some: np.ndarray) -> CouplingElements:
         """Elements of a part of a substep; some (points,): those that may act."""
         m, pushes = kept["made"], some & (f[:, 0] > 0.0)
-        each = [self.constants(h, kept, f, pushes, np.full(len(f), way)) for way in (STICKS, SLIPS)]
-        sticks, slips = (np.linalg.norm(residual(getattr(one, name), values)[:, 1:], axis=1) for one in each)
+        each = [self.constants(h, kept, f, pushes, np.full(len(f), way))
+                for way in (contact_formulas.STICKS, contact_formulas.SLIPS)]
+        sticks, slips = (np.linalg.norm(residual_values(getattr(one, name), values)[:, 1:], axis=1) for one in each)
         w = values["mass"][:, 0] + values["mass"][:, 4]
         most = values["mu"][:, 0] * f[:, 0]
         inside = np.linalg.norm(f[:, 1:], axis=1) < (1.0 - 1.0e-7) * most
-        way = np.where(pushes & (most > 0.0), np.where(inside | (sticks < w * slips), STICKS, SLIPS), NONE)
+        way = np.where(pushes & (most > 0.0), np.where(inside | (sticks < w * slips), contact_formulas.STICKS,
+                                                       contact_formulas.SLIPS), contact_formulas.NONE)
         one = self.constants(h, kept, f, pushes, way)
-        self.look(residual(getattr(one, name), values), way, w)
+        self.look(residual_values(getattr(one, name), values), way, w)
         bodies = np.where(m.frames < self.n, m.frames, -1)
-        return Elements(bodies, derivatives(getattr(one, name), values))
+        return CouplingElements(bodies, complex_derivatives(getattr(one, name), values))
 
     def look(self, rest: np.ndarray, way: np.ndarray, w: np.ndarray) -> None:
         """Notes the largest residual [m/s]."""
         r = self.recorded
-        along = np.abs(rest[:, 0]) * np.where(way == NONE, 0.0, 1.0)
-        across = np.linalg.norm(rest[:, 1:], axis=1) * np.where(way == STICKS, 1.0, np.where(way == SLIPS, w, 0.0))
+        along = np.abs(rest[:, 0]) * np.where(way == contact_formulas.NONE, 0.0, 1.0)
+        across = np.linalg.norm(rest[:, 1:], axis=1) * np.where(way == contact_formulas.STICKS, 1.0,
+                                                                np.where(way == contact_formulas.SLIPS, w, 0.0))
         r.left = max(r.left, float(np.maximum(along, across).max(initial=0.0)))
 
-    def back(self, h: float, kept: dict, cot: Cotangents) -> None:
+    def back(self, h: float, kept: dict, cot: BodyCotangents) -> None:
         r, m = self.recorded, kept["made"]
         b = r.bodies(kept["start"], kept["end"], kept["momentum"], (kept["touched"] == 0).astype(float))
-        b.placing = kept["momentum"] + taken_back(b, h)
+        b.placing = kept["momentum"] + half_kick_difference(b, h)
         some, shared = np.ones(len(m.at), bool), self.shared(m, b)
         poses = [self.pose(s.x, still, m) for s, still in zip((kept["begin"], kept["end"]), kept["still"], strict=True)]
         values = {"then": poses[1], "momentum": self.both(kept["end"].momentum, m), "f": kept["loosed"],
                   "before": kept["held"], **shared}
-        f = behind({"loosed": self.elements("loosed", h, kept, kept["loosed"], values, some)}, self.n, cot)["loosed"]
+        f = velocity_vjp({"loosed": self.elements("loosed", h, kept, kept["loosed"], values, some)}, self.n, cot)["loosed"]
         values = {"pose": poses[0], "momentum": self.both(kept["momentum"], m), "f": kept["held"], **shared}
-        first = within({"held": self.elements("held", h, kept, kept["held"], values, some)}, b, h, cot, {"held": f})
+        first = substep_vjp({"held": self.elements("held", h, kept, kept["held"], values, some)}, b, h, cot, {"held": f})
         for before, after, f, hit in reversed(kept["rounds"]):
             values = {"pose": poses[0], "entering": self.both(before.momentum, m), "f": f, **shared,
                       "momentum": self.both(after.momentum, m), "force": self.both(b.push, m), "e": self.restitution(m)}
             thrown = {"thrown": self.elements("thrown", h, kept, f, values, hit)}
-            behind(thrown, self.n, cot, "pose", turn(before.q, after.q), first)
+            velocity_vjp(thrown, self.n, cot, "pose", turn_between(before.q, after.q), first)
         cot.pose += first
         self.take(kept, cot)
 
-    def restitution(self, m: Manifolds) -> np.ndarray:
+    def restitution(self, m: RecordedManifolds) -> np.ndarray:
         e = self.contacts.table.restitution.numpy().astype(np.float64)
         return e[m.shapes].max(axis=1, keepdims=True)
 
-    def take(self, kept: dict, cot: Cotangents) -> None:
+    def take(self, kept: dict, cot: BodyCotangents) -> None:
         """The cotangents of points, as they were made, go to the poses of then."""
         m = kept["made"]
         found = np.zeros_like(m.geo)
@@ -213,7 +217,7 @@ class ContactParts:
                 on = m.frames[:, s] < self.n
                 np.add.at(cot.pose, m.frames[on, s], by[on, 6 * s:6 * s + 6])
 
-    def shares(self, name: str, part: str, by: np.ndarray, m: Manifolds, cot: Cotangents) -> None:
+    def shares(self, name: str, part: str, by: np.ndarray, m: RecordedManifolds, cot: BodyCotangents) -> None:
         """Cotangents of points by what bodies and shapes have."""
         if part in ("mass", "force"):
             for s in (0, 1):
@@ -233,7 +237,7 @@ class ContactParts:
         np.add.at(shapes, m.shapes[np.arange(len(by)), e.argmax(axis=1)], by[:, 0])
         cot.add("restitution", shapes)
 
-    def moved(self, m: Manifolds, kept: dict) -> np.ndarray:
+    def moved(self, m: RecordedManifolds, kept: dict) -> np.ndarray:
         """Derivatives (points, 24, 12) of geo by the poses of both bodies where manifolds were made."""
         c, real = self.contacts, self.recorded.model.real
         t, device, room = types(real), c.device, c.room
@@ -246,11 +250,12 @@ class ContactParts:
         narrow = self.sampled(m, levers, room, t, real, device)
         d = narrow.reshape(len(m.at), 7, 12)
         values = {"n": m.geo[:, :3], "x": mid, "gap": m.geo[:, 15:16], "pose": np.zeros((len(m.at), 12))}
-        J = derivatives(lambda v: made(v, (q[0], q[1]), m.surface, m.geo[:, 22:24] > 0.0, apart), values)
+        J = complex_derivatives(lambda v: contact_formulas.manifold_geometry(v, (q[0], q[1]), m.surface, m.geo[:, 22:24] > 0.0,
+                                                                             apart), values)
         own = np.concatenate([J["geo", "n"], J["geo", "x"], J["geo", "gap"]], axis=2)
         return J["geo", "pose"] + own @ d
 
-    def sampled(self, m: Manifolds, levers: np.ndarray, room: int, t: Any, real, device) -> np.ndarray:
+    def sampled(self, m: RecordedManifolds, levers: np.ndarray, room: int, t: Any, real, device) -> np.ndarray:
         """Derivatives (points, 7, 12) of n, x, gap by the poses. levers: of points about frames [m]. Raises SceneError for a
         point that is lost."""
         c, method = self.contacts, self.recorded.method
@@ -282,12 +287,12 @@ class ContactParts:
         gaps = gap.numpy()[m.at]
         if (lost := gaps[..., 1] == 0.0).any():
             k = m.frames[np.argwhere(lost)[0, 0]].min()
-            raise refuse("features", method.bodies[k][0].path)
+            raise gradient_refusal("features", method.bodies[k][0].path)
         steps = STEP * np.where(np.arange(12) % 6 < 3, size[m.at // 4][:, None], turn[m.at // 4][:, None])
         every = np.concatenate([n.numpy()[m.at], x.numpy()[m.at], gaps[..., :1]], axis=2)
         return np.einsum("pdso,s->pod", every.reshape(len(m.at), 12, 4, 7), FOUR) / steps[:, None, :]
 
-    def collected(self, total: Cotangents) -> dict[str, np.ndarray]:
+    def collected(self, total: BodyCotangents) -> dict[str, np.ndarray]:
         return dict(total.bodies)
 
 

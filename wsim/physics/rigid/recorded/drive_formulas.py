@@ -10,7 +10,7 @@ from wsim.kernels.rigid.joint.tables import ACCELERATION, LOCKED, NONE
 SMALL = 1.0e-300
 
 
-def oscillator_flow(q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def complex_oscillator_flow(q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(1 - 2 Phi / h^2, 1 - Psi / h, chi) of q = h^2 k / m, z = h c / m, element by element."""
     size = 2.0 * np.maximum(np.sqrt(np.abs(q.real)), z.real)
     doubled = np.ceil(np.log2(np.maximum(size, 1.0))).astype(int)
@@ -33,7 +33,7 @@ def oscillator_flow(q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @dataclass
-class Law:
+class DriveLaw:
     """a, b, a', b', d of all rows (..., joints, 6)."""
 
     a: np.ndarray
@@ -43,7 +43,7 @@ class Law:
     d: np.ndarray
 
 
-def drive_law(K: np.ndarray, C: np.ndarray, m: np.ndarray, alone: np.ndarray) -> Law:
+def complex_drive_law(K: np.ndarray, C: np.ndarray, m: np.ndarray, alone: np.ndarray) -> DriveLaw:
     """Laws of K = k h^2, C = c h and effective masses m, which count where `alone` (joints,) is 1."""
     least = float(LEAST)
     both = K + C
@@ -53,13 +53,13 @@ def drive_law(K: np.ndarray, C: np.ndarray, m: np.ndarray, alone: np.ndarray) ->
     q, z = np.where(on, K / m, 0.0), np.where(on, C / m, 0.0)
     root = np.sqrt(np.where(np.abs(q) > 0.0, q, 1.0))
     part = np.where(on, np.where(q.real <= 1.0, 1.0, 2.0 - root), 0.0)
-    phi, psi, chi = oscillator_flow(q, z)
+    phi, psi, chi = complex_oscillator_flow(q, z)
     exact = (m * phi / (1.0 - phi), m * (phi - psi) / (1.0 - phi), m * psi / (1.0 - psi),
              m * (chi - 1.0 + psi) / (1.0 - psi), 0.0 * K)
-    return Law(*(one + part * (other - one) for one, other in zip(rough, exact, strict=True)))
+    return DriveLaw(*(one + part * (other - one) for one, other in zip(rough, exact, strict=True)))
 
 
-def effective(kind: np.ndarray, A: np.ndarray) -> np.ndarray:
+def reduce_locked_rows(kind: np.ndarray, A: np.ndarray) -> np.ndarray:
     """Schur complement of the locked rows of each joint, of A_jj (..., joints, 6, 6)."""
     A, diagonal = A + 0.0, np.einsum("...ii->...i", A).real
     for m in range(6):
@@ -70,25 +70,26 @@ def effective(kind: np.ndarray, A: np.ndarray) -> np.ndarray:
     return A
 
 
-def inverted(size: np.ndarray) -> np.ndarray:
+def safe_reciprocal(size: np.ndarray) -> np.ndarray:
     return 1.0 / np.where(np.abs(size) > SMALL, size, 1.0)
 
 
-def masses(A: np.ndarray) -> np.ndarray:
-    """What each row moves, (..., joints, 6), of `effective`."""
-    return inverted(np.einsum("...ii->...i", A))
+def row_effective_masses(A: np.ndarray) -> np.ndarray:
+    """What each row moves, (..., joints, 6), of `reduce_locked_rows`."""
+    return safe_reciprocal(np.einsum("...ii->...i", A))
 
 
-def free_masses(drive: np.ndarray, A: np.ndarray) -> np.ndarray:
+def coupled_drive_masses(drive: np.ndarray, A: np.ndarray) -> np.ndarray:
     """The same less what other driven rows of the joint share."""
     size = np.einsum("...ii->...i", A)
     driven = drive > int(NONE)
     shared = np.where(driven[:, :, None] & driven[:, None, :] & ~np.eye(6, dtype=bool), A * np.sign(A.real), 0.0)
     ratio = np.where(driven, size, 1.0)[..., :, None] / np.where(driven, size, 1.0)[..., None, :]
-    return inverted(size + (shared * np.sqrt(ratio)).sum(axis=-1))
+    return safe_reciprocal(size + (shared * np.sqrt(ratio)).sum(axis=-1))
 
 
-def springs(drive: np.ndarray, m: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def effective_drive_gains(drive: np.ndarray, m: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray,
+                                                                                                                 np.ndarray]:
     """Stiffness and damping of all rows; those of accelerations per effective mass."""
     mass = np.where(drive == int(ACCELERATION), m, 1.0)
     return mass * stiffness, mass * damping

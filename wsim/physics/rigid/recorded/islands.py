@@ -10,26 +10,26 @@ from typing import Any
 
 import numpy as np
 
-from wsim.geometry.rotation import conjugate, multiply, normalized
+from wsim.geometry.rotation import quat_conjugate, quat_product, unit_quat
 from wsim.model.stage import Clock
 from wsim.physics.rigid.joints.joint import LIVE
-from wsim.physics.rigid.meetings import read, rows_of
+from wsim.physics.rigid.meetings import read_surface_value, shape_rows_of_path
 from wsim.physics.rigid.objects import SURFACE
-from wsim.physics.rigid.recorded.aside import aside
-from wsim.physics.rigid.recorded.bodies import TABLES, BodyGradient, Losses, Recorded
-from wsim.physics.rigid.recorded.substep import Bodies, Cotangents
+from wsim.physics.rigid.recorded.aside import record_host_step
+from wsim.physics.rigid.recorded.bodies import TABLES, BodyGradient, BodyLosses, RecordedBodies
+from wsim.physics.rigid.recorded.substep import BodyCotangents, RecordedBodyValues
 
 
-def by_turn(q: np.ndarray, by_q: np.ndarray) -> np.ndarray:
+def small_turn_cotangent(q: np.ndarray, by_q: np.ndarray) -> np.ndarray:
     """Cotangent (n, 3) of a small turn before q, of that of q (n, 4)."""
-    return 0.5 * multiply(by_q, conjugate(q))[:, :3]
+    return 0.5 * quat_product(by_q, quat_conjugate(q))[:, :3]
 
 
-def by_quaternion(q: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    return 2.0 * multiply(np.concatenate([tau, np.zeros((len(tau), 1))], axis=1), q)
+def quaternion_cotangent(q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    return 2.0 * quat_product(np.concatenate([tau, np.zeros((len(tau), 1))], axis=1), q)
 
 
-class State:
+class BodyStateCopy:
     """The state of all bodies: pose q (n, 4), x (n, 3), momentum (n, 6)."""
 
     def __init__(self, arrays: list, n: int):
@@ -38,9 +38,9 @@ class State:
         self.x, self.q, self.momentum = x + e, q + o, np.concatenate([p, L], axis=1)
 
 
-class RecordedIslands(Recorded):
-    """The recording of bodies in islands, as `Recorded`; parts: what joints and contacts do
-    (`wsim.physics.rigid.recorded.joints.JointParts` and others)."""
+class RecordedIslands(RecordedBodies):
+    """The recording of bodies in islands, as `RecordedBodies`; parts: what joints and contacts do
+    (`wsim.physics.rigid.recorded.joints.RecordedJoints` and others)."""
 
     whole = True
 
@@ -48,17 +48,17 @@ class RecordedIslands(Recorded):
         super().__init__(method)
         self.parts: Any = None
         if method.contacts:
-            from wsim.physics.rigid.recorded.contacts import ContactParts
-            self.parts = ContactParts(self)
+            from wsim.physics.rigid.recorded.contacts import RecordedContacts
+            self.parts = RecordedContacts(self)
         else:
-            from wsim.physics.rigid.recorded.joints import JointParts
-            self.parts = JointParts(self)
+            from wsim.physics.rigid.recorded.joints import RecordedJoints
+            self.parts = RecordedJoints(self)
         self.left = 0.0
         self.begin()
 
     def begin(self) -> None:
         """Begins a backward pass."""
-        self.total, self.left = Cotangents(np.zeros(0), np.zeros(0)), 0.0
+        self.total, self.left = BodyCotangents(np.zeros(0), np.zeros(0)), 0.0
 
     def step(self, clock: Clock) -> None:
         tape, now, kept = self.model.tape, replace(clock), {}
@@ -66,29 +66,30 @@ class RecordedIslands(Recorded):
             self.parts.step(now, None)
             return
 
-        def forward() -> None:
+        def step_forward_recorded() -> None:
             self.model.tape, before = None, self.model.tape
             kept.clear()
             kept["begin"] = self.state()
             self.parts.step(now, kept)
             kept["end"] = self.state()
             self.model.tape = before
-        aside(tape, self.arrays, forward, lambda grads: self.back(now.h, kept, grads), kept)
+        record_host_step(tape, self.arrays, step_forward_recorded, lambda grads: self.back(now.h, kept, grads), kept)
 
-    def state(self) -> State:
-        return State(self.arrays, self.method.part.count)
+    def state(self) -> BodyStateCopy:
+        return BodyStateCopy(self.arrays, self.method.part.count)
 
-    def bodies(self, begin: State, end: State, placing: np.ndarray, placed: np.ndarray) -> Bodies:
+    def bodies(self, begin: BodyStateCopy, end: BodyStateCopy, placing: np.ndarray, placed: np.ndarray) -> RecordedBodyValues:
         t = {name: getattr(self.method.table, name).numpy().astype(np.float64) for name in TABLES}
-        return Bodies(begin.q, end.q, begin.momentum, placing, t["w"], t["inverse"], t["push"], t["torque"], t["drag"],
-                      t["spin_drag"], placed)
+        return RecordedBodyValues(begin.q, end.q, begin.momentum, placing, t["w"], t["inverse"], t["push"], t["torque"],
+                                  t["drag"], t["spin_drag"], placed)
 
     def back(self, h: float, kept: dict, grads: list[np.ndarray]) -> list[np.ndarray]:
         """Gradients of x, e, p, L; q; o where a substep begins, of those behind it."""
         n, begin, end = self.method.part.count, kept["begin"], kept["end"]
         every, q, o = (g.astype(np.float64) for g in grads)
         x, e, p, L = every.reshape(4, n, 3)
-        cot = Cotangents(np.concatenate([x, by_turn(normalized(end.q), q)], axis=1), np.concatenate([p, L], axis=1))
+        cot = BodyCotangents(np.concatenate([x, small_turn_cotangent(unit_quat(end.q), q)], axis=1),
+                             np.concatenate([p, L], axis=1))
         self.parts.back(h, kept, cot)
         for name, more in cot.bodies.items():
             self.total.add(name, more)
@@ -96,7 +97,7 @@ class RecordedIslands(Recorded):
             self.total.add_by(kind, name, more)
         x, tau = cot.pose[:, :3], cot.pose[:, 3:]
         by = np.concatenate([x, x, cot.momentum[:, :3], cot.momentum[:, 3:]])
-        return [by, by_quaternion(normalized(begin.q), tau), np.zeros((n, 4))]
+        return [by, quaternion_cotangent(unit_quat(begin.q), tau), np.zeros((n, 4))]
 
     def places(self, path: str, name: str, world: int) -> tuple[str, Any] | None:
         """(table, rows) of a value of a joint's drives, or of the surfaces of a body or a collider; None: it is none."""
@@ -104,7 +105,7 @@ class RecordedIslands(Recorded):
         drives = joints.drives(path, world) if joints and name in LIVE else []
         if drives:
             return f"joint {name}", tuple(np.array(drives[0]).T)
-        rows = rows_of(contacts, path, name, world) if contacts else []
+        rows = shape_rows_of_path(contacts, path, name, world) if contacts else []
         return (name, np.array(rows)) if rows else None
 
     def now(self, path: str, name: str, world: int, begun: list) -> np.ndarray | float:
@@ -112,26 +113,26 @@ class RecordedIslands(Recorded):
             return super().now(path, name, world, begun)
         table, rows = at
         if table in SURFACE:
-            return float(read(self.method.contacts, name)[rows[0]])
+            return float(read_surface_value(self.method.contacts, name)[rows[0]])
         found = getattr(self.method.joints.linked.t, name).numpy()[rows]
         return float(found[0]) if len(found) == 1 else found
 
-    def losses(self, frames: int, poses: dict | None, twists: dict | None) -> Losses:
+    def losses(self, frames: int, poses: dict | None, twists: dict | None) -> BodyLosses:
         self.begin()
         return IslandLosses(self, frames, poses, twists)
 
 
-def _column(values: np.ndarray, n: int) -> np.ndarray:
+def _body_table_column(values: np.ndarray, n: int) -> np.ndarray:
     """As tables of bodies have it: (n,) or (n, 3)."""
     return values.reshape(n) if values.size == n else values
 
 
-class IslandLosses(Losses):
+class IslandLosses(BodyLosses):
     def gradient(self, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray]) -> BodyGradient:
         r: Any = self.recorded
         total = r.parts.collected(r.total)
         n = len(self.direct["w"])
-        self.direct = {name: self.direct.get(name, 0.0) + _column(total[name], n) for name in TABLES}
+        self.direct = {name: self.direct.get(name, 0.0) + _body_table_column(total[name], n) for name in TABLES}
         return IslandGradient(self, carried, grads, total)
 
 
@@ -139,7 +140,7 @@ class IslandGradient(BodyGradient):
     """The gradient with those by drives of joints, friction and restitution. more: by tables of joints (joints, 6) and of
     shapes."""
 
-    def __init__(self, losses: Losses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray], more: dict):
+    def __init__(self, losses: BodyLosses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray], more: dict):
         super().__init__(losses, carried, grads)
         self.more = more
 

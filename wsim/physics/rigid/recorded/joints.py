@@ -9,14 +9,14 @@ from wsim.kernels.rigid.joint.parts import jointed_parts
 from wsim.kernels.rigid.joint.tables import BOTTOM, DRIVEN, FORCE, HELD, HIGHEST, LIMITED, LOCKED, LOWEST, TOP
 from wsim.model.stage import Clock
 from wsim.physics.rigid.joints.joint import LIVE
-from wsim.physics.rigid.recorded.joint_formulas import Substep, Tables
-from wsim.physics.rigid.recorded.local import derivatives, residual
-from wsim.physics.rigid.recorded.rotation import kicked
-from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
-from wsim.scene.values.coverage import refuse
+from wsim.physics.rigid.recorded.joint_formulas import JointSubstep, RecordedJointTables
+from wsim.physics.rigid.recorded.local import complex_derivatives, residual_values
+from wsim.physics.rigid.recorded.rotation import complex_damped_kick
+from wsim.physics.rigid.recorded.substep import BodyCotangents, CouplingElements, RecordedBodyValues, substep_vjp, velocity_vjp
+from wsim.scene.values.coverage import gradient_refusal
 
 
-class JointSide:
+class RecordedJointRows:
     """Tables of joints as the host has them, and their rows in a substep; `recorded` knows the bodies."""
 
     def __init__(self, recorded):
@@ -25,14 +25,14 @@ class JointSide:
         self.pairs = np.stack([t.a.numpy(), t.b.numpy()], axis=1)
         own = {name: getattr(t, name).numpy() for name in ("apart", "form", "closed", "alone", "cone", "kind", "drive", "low",
                                                            "high", "speed", "most")}
-        assert {f.name for f in fields(Tables)} == {*own, "at", "turn", "still"}
-        self.t = Tables(at=(t.at_a.numpy(), t.at_b.numpy()), turn=(t.turn_a.numpy(), t.turn_b.numpy()), still=self.pairs < 0,
-                        **own)
+        assert {f.name for f in fields(RecordedJointTables)} == {*own, "at", "turn", "still"}
+        self.t = RecordedJointTables(at=(t.at_a.numpy(), t.at_b.numpy()), turn=(t.turn_a.numpy(), t.turn_b.numpy()),
+                                     still=self.pairs < 0, **own)
 
     def read(self, *names: str) -> dict[str, np.ndarray]:
         return {name: getattr(self.joints.linked, name).numpy().copy() for name in names}
 
-    def anchors(self, k: int) -> dict[str, np.ndarray]:
+    def anchor_poses(self, k: int) -> dict[str, np.ndarray]:
         t = self.joints.linked.t
         return {name: getattr(t, f"anchor_{name}").numpy()[k * t.moving] for name in ("x", "q", "v", "o")}
 
@@ -49,7 +49,7 @@ class JointSide:
         a, b = self.sides(np.concatenate([x, zero], axis=1), np.concatenate([anchors["x"], 0.0 * anchors["x"]], axis=1))
         return np.concatenate([a, b], axis=1)
 
-    def mass(self, b: Bodies) -> np.ndarray:
+    def mass(self, b: RecordedBodyValues) -> np.ndarray:
         table = np.concatenate([b.w[:, None], b.inverse], axis=1)
         return np.concatenate(self.sides(table, np.zeros((len(self.pairs), 4))), axis=1)
 
@@ -68,16 +68,16 @@ class JointSide:
         full = drives & (np.abs(mid["push"]) >= (0.5 - 1.0e-12) * h * t.most)
         if (both := drives & (acts > 0)).any():
             j = self.joints.joints[int(np.argwhere(both)[0, 0]) % len(self.joints.joints)]
-            raise refuse("driven", j.path)
+            raise gradient_refusal("driven", j.path)
         return np.where(drives & ~full, int(DRIVEN), acts), full
 
-    def constants(self, h: float, kept: dict, acts: np.ndarray, full: np.ndarray) -> Substep:
+    def constants(self, h: float, kept: dict, acts: np.ndarray, full: np.ndarray) -> JointSubstep:
         first, last = kept["anchors"]
         q = self.sides(kept["begin"].q, first["q"])
         Q = self.sides(kept["end"].q, last["q"])
-        return Substep(self.t, h, (q[0], q[1]), (Q[0], Q[1]), kept["mid"]["quarters"], self.given(first), acts, full)
+        return JointSubstep(self.t, h, (q[0], q[1]), (Q[0], Q[1]), kept["mid"]["quarters"], self.given(first), acts, full)
 
-    def held(self, h: float, kept: dict, b: Bodies) -> Elements:
+    def held(self, h: float, kept: dict, b: RecordedBodyValues) -> CouplingElements:
         mid, t = kept["mid"], self.joints.linked.t
         acts, full = self.acting(mid, h)
         one = self.constants(h, kept, acts, full)
@@ -85,10 +85,10 @@ class JointSide:
                   "momentum": self.both(kept["momentum"]), "placing": self.both(b.placing), "f": mid["hold"] + mid["push"],
                   "begun": self.both(kept["begin"].momentum), "mass": self.mass(b),
                   **{name: getattr(t, name).numpy() for name in LIVE}}
-        self.look(residual(one.held, values)[acts != int(DRIVEN)])
-        return Elements(self.pairs, derivatives(one.held, values))
+        self.look(residual_values(one.held, values)[acts != int(DRIVEN)])
+        return CouplingElements(self.pairs, complex_derivatives(one.held, values))
 
-    def loosed(self, h: float, kept: dict, b: Bodies) -> Elements:
+    def loosed(self, h: float, kept: dict, b: RecordedBodyValues) -> CouplingElements:
         mid, last, t = kept["mid"], kept["last"], self.joints.linked.t
         full = (self.t.kind == int(LIMITED)) & (mid["hold"] != 0.0) & (last["hold"] == 0.0)
         held = np.isin(last["active"], (int(HELD), int(LOWEST), int(HIGHEST))) & ~full
@@ -99,13 +99,13 @@ class JointSide:
                   "f": last["hold"] + last["push"] - before, "before": before, "mass": self.mass(b),
                   "origin": self.pose(kept["begin"].x, kept["anchors"][0]), "begun": self.both(kept["begin"].momentum),
                   **{name: getattr(t, name).numpy() for name in LIVE}}
-        self.look(residual(one.loosed, values))
-        return Elements(self.pairs, derivatives(one.loosed, values))
+        self.look(residual_values(one.loosed, values))
+        return CouplingElements(self.pairs, complex_derivatives(one.loosed, values))
 
     def look(self, left: np.ndarray) -> None:
         self.recorded.left = max(self.recorded.left, float(np.abs(left).max(initial=0.0)))
 
-    def collected(self, total: Cotangents) -> dict[str, np.ndarray]:
+    def collected(self, total: BodyCotangents) -> dict[str, np.ndarray]:
         """Gradients by tables of bodies, and by "joint stiffness" and others (joints, 6)."""
         found = dict(total.bodies)
         for name in ("held", "loosed"):
@@ -121,7 +121,7 @@ class JointSide:
                         for name in LIVE if ("held", name) in total.by}
 
 
-class JointParts(JointSide):
+class RecordedJoints(RecordedJointRows):
     """Substeps of joints alone."""
 
     def __init__(self, recorded):
@@ -140,15 +140,15 @@ class JointParts(JointSide):
         r.model.launch(self.loosed_kernel, self.joints.islands, given, [now])
         if kept is not None:
             kept["last"] = self.read("hold", "push", "active")
-            kept["anchors"] = self.anchors(clock.k), self.anchors(clock.k + 1)
+            kept["anchors"] = self.anchor_poses(clock.k), self.anchor_poses(clock.k + 1)
 
-    def back(self, h: float, kept: dict, cot: Cotangents) -> None:
+    def back(self, h: float, kept: dict, cot: BodyCotangents) -> None:
         r = self.recorded
         n = r.method.part.count
         b = r.bodies(kept["begin"], kept["end"], kept["momentum"], np.ones(n))
-        b.placing = kept["momentum"] + taken_back(b, h)
-        f = behind({"loosed": self.loosed(h, kept, b)}, n, cot)["loosed"]
-        first = within({"held": self.held(h, kept, b)}, b, h, cot, {"held": f})
+        b.placing = kept["momentum"] + half_kick_difference(b, h)
+        f = velocity_vjp({"loosed": self.loosed(h, kept, b)}, n, cot)["loosed"]
+        first = substep_vjp({"held": self.held(h, kept, b)}, b, h, cot, {"held": f})
         cot.pose += first
         for kind in ("held", "loosed"):
             for name, into in (("origin", cot.pose), ("begun", cot.momentum)):
@@ -158,8 +158,9 @@ class JointParts(JointSide):
                         np.add.at(into, self.pairs[on, s], more[on, 6 * s:6 * s + 6])
 
 
-def taken_back(b: Bodies, h: float) -> np.ndarray:
+def half_kick_difference(b: RecordedBodyValues, h: float) -> np.ndarray:
     """Part of the kick of the forces that bodies are not placed by (n, 6)."""
     p, L = b.momentum[:, :3], b.momentum[:, 3:]
-    parts = [kicked(p, b.push, b.drag, t) for t in (0.5 * h, h)] + [kicked(L, b.torque, b.spin_drag, t) for t in (0.5 * h, h)]
+    parts = [complex_damped_kick(p, b.push, b.drag, t)
+             for t in (0.5 * h, h)] + [complex_damped_kick(L, b.torque, b.spin_drag, t) for t in (0.5 * h, h)]
     return b.placed[:, None] * np.concatenate([parts[0] - parts[1], parts[2] - parts[3]], axis=1)

@@ -8,7 +8,7 @@ STEP = 1.0e-30
 Values = dict[str, np.ndarray]                 # (elements, size) each
 
 
-def derivatives(function: Callable[[Values], Values], values: Values) -> dict[tuple[str, str], np.ndarray]:
+def complex_derivatives(function: Callable[[Values], Values], values: Values) -> dict[tuple[str, str], np.ndarray]:
     """{(what comes out, what goes in): (elements, out, in)} of a function of arrays (..., elements, size)."""
     count = sum(v.shape[1] for v in values.values())
     given, first = {}, 0
@@ -25,6 +25,6 @@ def derivatives(function: Callable[[Values], Values], values: Values) -> dict[tu
     return {(each, name): np.moveaxis(found[s], 0, 2) for each, found in out.items() for name, s in slices.items()}
 
 
-def residual(function: Callable[[Values], Values], values: Values, name: str = "rest") -> np.ndarray:
+def residual_values(function: Callable[[Values], Values], values: Values, name: str = "rest") -> np.ndarray:
     """Residual by the function of that name, (elements, size)."""
     return function(values)[name].real

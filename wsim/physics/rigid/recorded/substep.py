@@ -17,16 +17,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.physics.rigid.recorded.local import Values, derivatives
-from wsim.physics.rigid.recorded.rotation import back, conjugate, free_rotation, kicked, multiply, skew, turned
+from wsim.physics.rigid.recorded.local import Values, complex_derivatives
+from wsim.physics.rigid.recorded.rotation import (
+    complex_damped_kick,
+    complex_free_rotation,
+    complex_quaternion_conjugate,
+    complex_quaternion_product,
+    skew_symmetric_matrix,
+    small_turn_applied,
+    transpose_times_vector,
+)
 
 RANK = 1.0e-11            # part of the largest singular value below which rows say the same
 FORCES = ("push", "torque", "drag", "spin_drag")
 
 
 @dataclass
-class Elements:
-    """Joints, or points of contact: bodies (elements, 2), -1: none; what they do by what they read (`derivatives`)."""
+class CouplingElements:
+    """Joints, or points of contact: bodies (elements, 2), -1: none; what they do by what they read (`complex_derivatives`)."""
 
     bodies: np.ndarray
     jac: dict[tuple[str, str], np.ndarray]
@@ -38,7 +46,7 @@ class Elements:
 
 
 @dataclass
-class Bodies:
+class RecordedBodyValues:
     """Values of all bodies: (n, 3) and (n,); q (n, 4). placed (n,): 1 where the kick of the forces is halved, else 0."""
 
     q: np.ndarray
@@ -55,29 +63,30 @@ class Bodies:
 
     def forces(self, h: float) -> dict:
         """Derivatives of the kick and of what is taken back of it."""
-        def kick(v: Values) -> Values:
-            def by(t: float) -> np.ndarray:
+        def half_and_whole_kick(v: Values) -> Values:
+            def kick_over_time(t: float) -> np.ndarray:
                 p, L = v["momentum"][..., :3], v["momentum"][..., 3:]
-                return np.concatenate([kicked(p, v["push"], v["drag"][..., 0], t),
-                                       kicked(L, v["torque"], v["spin_drag"][..., 0], t)], axis=-1)
-            whole = by(h)
-            return {"kick": whole, "back": self.placed[:, None] * (by(0.5 * h) - whole)}
+                return np.concatenate([complex_damped_kick(p, v["push"], v["drag"][..., 0], t),
+                                       complex_damped_kick(L, v["torque"], v["spin_drag"][..., 0], t)], axis=-1)
+            whole = kick_over_time(h)
+            return {"kick": whole, "back": self.placed[:, None] * (kick_over_time(0.5 * h) - whole)}
         given = {"momentum": self.momentum, "push": self.push, "torque": self.torque, "drag": self.drag[:, None],
                  "spin_drag": self.spin_drag[:, None]}
-        return derivatives(kick, given)
+        return complex_derivatives(half_and_whole_kick, given)
 
     def places(self, h: float) -> dict:
         """Derivatives of places by places, momenta, w and 1 / I."""
-        def place(v: Values) -> Values:
+        def place_after_substep(v: Values) -> Values:
             x = v["pose"][..., :3] + h * v["w"] * v["placing"][..., :3]
-            q = free_rotation(turned(self.q, v["pose"][..., 3:]), v["placing"][..., 3:], v["inverse"], h)
-            return {"pose": np.concatenate([x, 2.0 * multiply(q, conjugate(self.q_after))[..., :3]], axis=-1)}
+            q = complex_free_rotation(small_turn_applied(self.q, v["pose"][..., 3:]), v["placing"][..., 3:], v["inverse"], h)
+            return {"pose": np.concatenate([x,
+                            2.0 * complex_quaternion_product(q, complex_quaternion_conjugate(self.q_after))[..., :3]], axis=-1)}
         given = {"pose": np.zeros((len(self.w), 6)), "placing": self.placing, "w": self.w[:, None], "inverse": self.inverse}
-        return derivatives(place, given)
+        return complex_derivatives(place_after_substep, given)
 
 
 @dataclass
-class Cotangents:
+class BodyCotangents:
     """Cotangents of all bodies (n, 6): poses, momenta; by tables of bodies, and by what elements read (`by`: kind, name)."""
 
     pose: np.ndarray
@@ -92,7 +101,7 @@ class Cotangents:
         self.by[kind, name] = self.by.get((kind, name), 0.0) + more
 
 
-def islands(kinds: dict[str, Elements], n: int) -> list[np.ndarray]:
+def element_islands(kinds: dict[str, CouplingElements], n: int) -> list[np.ndarray]:
     """Bodies that elements connect, those of each island."""
     label = np.arange(n)
     pairs = np.concatenate([np.zeros((0, 2), int), *(e.bodies[(e.bodies >= 0).all(axis=1)] for e in kinds.values())])
@@ -107,10 +116,10 @@ def islands(kinds: dict[str, Elements], n: int) -> list[np.ndarray]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-class Island:
+class IslandBlocks:
     """Dense blocks of an island's elements: columns of bodies stand by six."""
 
-    def __init__(self, kinds: dict[str, Elements], bodies: np.ndarray, n: int):
+    def __init__(self, kinds: dict[str, CouplingElements], bodies: np.ndarray, n: int):
         self.kinds, self.bodies = kinds, bodies
         place = np.full(n + 1, -1)
         place[bodies] = np.arange(len(bodies))
@@ -150,7 +159,7 @@ class Island:
                           e.jac[out, into][self.own[name]])
         return found[:-1, :-1]
 
-    def others(self, into: Cotangents, **by: np.ndarray) -> None:
+    def others(self, into: BodyCotangents, **by: np.ndarray) -> None:
         """Adds what elements read besides, of the cotangents of impulses and shifts of bodies (6 n,) and of rests."""
         for name, e in self.kinds.items():
             own = self.own[name]
@@ -166,7 +175,7 @@ class Island:
 KNOWN = ("pose", "then", "momentum", "placing", "entering", "f", "before")
 
 
-def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+def solve_transposed(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """x with A^T x = b, of least size; rows of A are scaled by their largest number."""
     if len(b) == 0:
         return b
@@ -175,23 +184,24 @@ def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq((A / size[:, None]).T, b, rcond=RANK)[0] / size
 
 
-def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "then", turn: np.ndarray | None = None,
-           first: np.ndarray | None = None) -> dict[str, np.ndarray]:
+def velocity_vjp(kinds: dict[str, CouplingElements], n: int, cot: BodyCotangents, place: str = "then",
+                 turn: np.ndarray | None = None, first: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Adjoint of M' = M + I'(y', f'), 0 = r'(y', M', f', f): cot is that of y' and M', and becomes that of y' and M. Of
     impacts, which shift bodies: of y and M, turned by `turn` (n, 3), where I' and r' read other poses, whose cotangents `first`
     takes. Returns what each kind's f has of it, (elements, rows)."""
     given = {name: np.zeros((len(e.bodies), e.rows)) for name, e in kinds.items()}
     by_shift, into = cot.pose.copy(), cot.pose if first is None else first
     if turn is not None:
-        by_shift[:, 3:], cot.pose[:, 3:] = back(along(turn), cot.pose[:, 3:]), back(turning(turn), cot.pose[:, 3:])
-    for bodies in islands(kinds, n) if kinds else ():
-        one = Island(kinds, bodies, n)
+        by_shift[:, 3:], cot.pose[:, 3:] = (transpose_times_vector(left_rotation_jacobian(turn), cot.pose[:, 3:]),
+                                            transpose_times_vector(rotation_vector_matrix(turn), cot.pose[:, 3:]))
+    for bodies in element_islands(kinds, n) if kinds else ():
+        one = IslandBlocks(kinds, bodies, n)
         if one.count == 0:
             continue
         M, Y = cot.momentum[bodies].ravel(), by_shift[bodies].ravel()
         by_M, parts = one.block("rest", "momentum"), [("impulse", M), ("shift", Y)]
-        rest = solved(one.block("rest", "f") + by_M @ one.block("impulse", "f"),
-                      -sum(b @ one.block(out, "f") for out, b in parts))
+        rest = solve_transposed(one.block("rest", "f") + by_M @ one.block("impulse", "f"),
+                                -sum(b @ one.block(out, "f") for out, b in parts))
         M = M + rest @ by_M
         parts = [("impulse", M), ("rest", rest), ("shift", Y)]
         into[bodies] += sum(b @ one.block(out, place) for out, b in parts).reshape(-1, 6)
@@ -203,28 +213,29 @@ def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "th
     return given
 
 
-def turning(turn: np.ndarray) -> np.ndarray:
+def rotation_vector_matrix(turn: np.ndarray) -> np.ndarray:
     """R (..., 3, 3) of rotation vectors."""
-    X, t = skew(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
+    X, t = skew_symmetric_matrix(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
     return np.eye(3) + np.sinc(t / np.pi) * X + 0.5 * np.sinc(0.5 * t / np.pi)**2 * (X @ X)
 
 
-def along(turn: np.ndarray) -> np.ndarray:
+def left_rotation_jacobian(turn: np.ndarray) -> np.ndarray:
     """Derivative with respect to a change of a rotation vector, the turn before the rotation: the left Jacobian."""
-    X, t = skew(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
+    X, t = skew_symmetric_matrix(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
     third = np.where(t > 1.0e-2, (1.0 - np.sinc(t / np.pi)) / np.where(t > 1.0e-2, t * t, 1.0), 1.0 / 6.0 - t * t / 120.0)
     return np.eye(3) + 0.5 * np.sinc(0.5 * t / np.pi)**2 * X + third * (X @ X)
 
 
-def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, given: dict[str, np.ndarray]) -> np.ndarray:
+def substep_vjp(kinds: dict[str, CouplingElements], b: RecordedBodyValues, h: float, cot: BodyCotangents,
+                given: dict[str, np.ndarray]) -> np.ndarray:
     """Adjoint of the substep up to M and y', of whose cotangents cot becomes that of y and (p, L); given: that of f. Returns
     the cotangents of poses that elements read, which are not in that of y."""
     n, forces, places = len(b.w), b.forces(h), b.places(h)
     pose, first, momentum = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
     placing, after = np.zeros((n, 6)), cot.pose.copy()
     by_N = places["pose", "placing"]
-    for bodies in islands(kinds, n):
-        one = Island(kinds, bodies, n)
+    for bodies in element_islands(kinds, n):
+        one = IslandBlocks(kinds, bodies, n)
         Y, M = cot.pose[bodies], cot.momentum[bodies]
         rest = np.zeros(one.count)
         if one.count:
@@ -236,7 +247,7 @@ def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, giv
             for name in kinds:
                 f[one.rows(name)] = given[name][one.own[name]]
             f = f + (M.ravel() + Y.ravel() @ by_place) @ C
-            rest = solved(one.block("rest", "f") + (R_M + R_N + R_T @ by_place) @ C, -f)
+            rest = solve_transposed(one.block("rest", "f") + (R_M + R_N + R_T @ by_place) @ C, -f)
             Y = Y + (rest @ R_T).reshape(-1, 6)
         N = np.einsum("noi,no->ni", by_N[bodies], Y)
         if one.count:

@@ -4,12 +4,12 @@ import warp as wp
 
 from wsim.kernels.rigid.touch import lean
 from wsim.model.stage import Clock, Remedy
-from wsim.model.state import Field
+from wsim.model.state import StateField
 from wsim.physics.solver.assembly import Term
-from wsim.physics.solver.rigid_translation import momentum
+from wsim.physics.solver.rigid_translation import momentum_term
 
-KEPT = (Field("J", "N s", True, "impulse that points had of a body in the last substep (Newton's method)"),
-        Field("T", "N m s", True, "its moment"))
+KEPT = (StateField("J", "N s", True, "impulse that points had of a body in the last substep (Newton's method)"),
+        StateField("T", "N m s", True, "its moment"))
 
 UNFORESEEN = "bodies under points went otherwise"        # status word
 MOST = 0.25              # part of what points change of a body's velocity that may not have been foreseen
@@ -18,17 +18,18 @@ STEPS = 32               # Newton steps in a substep, at most
 
 
 
-class Foreseen(Term):
+class ForeseenBodies(Term):
     """The places where bodies will be when a Newton step is done."""
 
     def __init__(self, touch, assembly, lanes: int):
-        """touch: `wsim.physics.rigid.touch.points.Touch`; lanes: threads that sum over a system."""
+        """touch: `wsim.physics.rigid.touch.points.BodyPointContacts`; lanes: threads that sum over a system."""
         self.touch, self.assembly, model = touch, assembly, touch.model
-        own = (lean.lean, lean.recall, lean.owe, lean.given, lean.keep, lean.miss)
-        self.kernels = {f.__name__: f(model.real, model.module) for f in own}
+        factories = {"lean": lean.newton_star_kernel, "recall": lean.previous_impulse_kernel, "owe": lean.owed_push_kernel,
+                     "given": lean.unpushed_way_kernel, "keep": lean.kept_impulse_kernel, "miss": lean.foresight_error_kernel}
+        self.kernels = {name: factory(model.real, model.module) for name, factory in factories.items()}
         self.V, self.missed = wp.zeros_like(touch.V), wp.zeros_like(touch.left)
         self.P, self.y = wp.zeros_like(assembly.A.P), wp.zeros_like(assembly.f)
-        self.momentum = momentum(assembly, lanes)
+        self.momentum = momentum_term(assembly, lanes)
 
     def run(self, name: str, dim: int, inputs: list, outputs: list) -> None:
         self.touch.model.launch(self.kernels[name], dim, inputs, outputs)
@@ -69,12 +70,12 @@ class Foreseen(Term):
 
     def retry(self, clock: Clock) -> list[Remedy]:
         """Twice the Newton steps, up to STEPS."""
-        def more() -> str:
+        def double_newton_steps() -> str:
             clock.iterations *= 2
             return ("bodies under points went otherwise than Newton steps had foreseen, and there are "
                     f"{clock.iterations} of them in a substep from here on")
         missed = self.touch.status.said(UNFORESEEN)[0] and clock.iterations <= STEPS // 2
-        return [Remedy("grow", more)] if missed else []
+        return [Remedy("grow", double_newton_steps)] if missed else []
 
     def balance(self, clock: Clock) -> None:
         """Balances momentum, behind the last contacts: what nothing outside holds has the momentum that its pushes say,

@@ -1,10 +1,10 @@
 """Substeps of bodies by what pushes them: points, or strands alone."""
 
 from wsim.model.stage import Clock
-from wsim.physics.rigid.touch.substeps import Substeps
+from wsim.physics.rigid.touch.substeps import RigidSubsteps
 
 
-class Alone(Substeps):
+class StrandPushedSubsteps(RigidSubsteps):
     """Bodies that strands push, and no points: sweeps go before them, so that what rests is seen at rest, and behind."""
 
     def begin(self, clock: Clock) -> None:
@@ -16,9 +16,9 @@ class Alone(Substeps):
         super().end(clock)
 
 
-def pushed(b, rigid, points: bool) -> Substeps:
+def make_pushed_substeps(b, rigid, points: bool) -> RigidSubsteps:
     """Substeps of bodies that points push, or strands alone."""
     if not points:
-        return Alone(b, rigid)
-    from wsim.physics.rigid.touch.points import Touch
-    return Touch(b, rigid)
+        return StrandPushedSubsteps(b, rigid)
+    from wsim.physics.rigid.touch.points import BodyPointContacts
+    return BodyPointContacts(b, rigid)

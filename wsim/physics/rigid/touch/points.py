@@ -2,8 +2,8 @@
 
 Their shapes are rows of the table of colliders that points have (`wsim.physics.contact.contacts`), placed on the device from
 the state of the bodies. In a substep bodies first take their forces, then points are predicted and meet them; at the end of
-every iteration of points a star is solved around each body (kernels/rigid/touch/star.py) in turn with the contacts that bodies
-have among themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
+every iteration of points a star is solved around each body (kernels/rigid/touch/body_point_solve.py) in turn with the contacts
+that bodies have among themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
 
 Where a world has few bodies, a block of threads solves it in one launch (worlds.py). More of them take a block each, and
 several launches a round.
@@ -17,16 +17,16 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.rigid.touch import body_point_solve as stars
 from wsim.kernels.rigid.touch import exchange, groups, rebound
 from wsim.kernels.rigid.touch import points as touch
-from wsim.kernels.rigid.touch import star as stars
 from wsim.model.stage import Clock, Methods, Stage
-from wsim.model.structs import filled
-from wsim.physics.rigid.meetings import places_of
-from wsim.physics.rigid.solids import meeting
-from wsim.physics.rigid.touch.half import Half
-from wsim.physics.rigid.touch.substeps import Substeps
-from wsim.physics.rigid.touch.worlds import FEW, Worlds
+from wsim.model.structs import fill_struct
+from wsim.physics.rigid.meetings import collider_places_in_body
+from wsim.physics.rigid.solids import touching_colliders
+from wsim.physics.rigid.touch.half_step import HalfStepMomenta
+from wsim.physics.rigid.touch.substeps import RigidSubsteps
+from wsim.physics.rigid.touch.worlds import FEW, WorldBlocks
 from wsim.scene import Collider, Motion
 
 LANES = 64                   # threads of a block that sum over the contacts of a body
@@ -34,7 +34,7 @@ ROUNDS = 8                   # of stars and sweeps in a substep, at least, where
 SLOW = 0.05                  # [m/s] of approach below which nothing is thrown back
 
 
-class Touch(Substeps):
+class BodyPointContacts(RigidSubsteps):
     """The offer of bodies to those who make contacts of points, as "movers"."""
 
     def __init__(self, b, rigid):
@@ -46,7 +46,7 @@ class Touch(Substeps):
         if b.choice.solver == "implicit":
             from wsim.physics.rigid.touch.newton import UNFORESEEN
             b.status.reserve(UNFORESEEN)
-        self.owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting(body)]
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in touching_colliders(body)]
         self.copies = {world: [replace(c, motion=Motion.still(rigid.bodies[k][0].motion.at(0.0) @ c.motion.at(0.0)),
                                        restitution=0.0) for k, of, c in self.owners if of == world]
                        for world in range(b.model.worlds)}
@@ -56,29 +56,31 @@ class Touch(Substeps):
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
         self.lanes = LANES if b.model.device.is_cuda else 1
         self.kernels: dict[str, Any] = {}
-        self.need(touch.place)
-        self.worlds = Worlds(self) if few else None
+        self.need(place=touch.body_place_kernel)
+        self.worlds = WorldBlocks(self) if few else None
         if not few:
-            self.need(touch.keys, touch.begin, touch.found, exchange.gather, exchange.hubs, exchange.tell, groups.bounds)
-            self.need(stars.star, exchange.take)
+            self.need(keys=touch.contact_key_kernel, begin=touch.touch_begin_kernel, found=touch.found_contact_kernel,
+                      gather=exchange.star_row_kernel, hubs=exchange.star_hub_kernel, tell=exchange.contact_plane_kernel,
+                      bounds=groups.group_bound_kernel, star=stars.star_solve_kernel, take=exchange.point_impulse_kernel)
         if self.rises:
-            self.need(rebound.rise, rebound.thrown, rebound.remember, exchange.hubs, stars.star, exchange.take)
+            self.need(rise=rebound.star_velocity_kernel, thrown=rebound.bounce_impulse_kernel, hubs=exchange.star_hub_kernel,
+                      remember=rebound.impulse_memory_kernel, star=stars.star_solve_kernel, take=exchange.point_impulse_kernel)
         if self.memory:
-            self.need(rebound.carry, rebound.others)
+            self.need(carry=rebound.overlap_carry_kernel, others=rebound.other_push_kernel)
         self.before: Any = wp.zeros_like(b.state.x) if self.memory else None     # anchors before a search
         self.start: Any = None
-        self.half: Half | None = None
+        self.half: HalfStepMomenta | None = None
         self.surfaces = False            # True: their sweeps come behind the last iteration
 
-    def need(self, *makers) -> None:
+    def need(self, **factories: Any) -> None:
         """Makes kernels that are launched by name."""
         model = self.model
-        for make in makers:
+        for name, make in factories.items():
             module = model.module
-            if make in (stars.star, exchange.take) and self.lanes > 1:
+            if make in (stars.star_solve_kernel, exchange.point_impulse_kernel) and self.lanes > 1:
                 module = model.module_of(self.lanes)     # blocks of another size stand in a module of their own
-            if make.__name__ not in self.kernels:
-                self.kernels[make.__name__] = make(module) if make is groups.bounds else make(self.real, module)
+            if name not in self.kernels:
+                self.kernels[name] = make(module) if make is groups.group_bound_kernel else make(self.real, module)
 
     def starts(self) -> Any:
         """e where substeps begin, kept from now on for who asks; None where it is e itself, which no memory changes."""
@@ -94,19 +96,19 @@ class Touch(Substeps):
         """Enters Newton steps, before the contacts of points do."""
         terms = others.ports.newton_terms
         if terms is not None:
-            from wsim.physics.rigid.touch.newton import Foreseen
-            self.need(exchange.hubs, exchange.tell, stars.star)
-            self.foreseen = Foreseen(self, others.ports.newton_assembly, others.ports.line_search_lanes)
+            from wsim.physics.rigid.touch.newton import ForeseenBodies
+            self.need(hubs=exchange.star_hub_kernel, tell=exchange.contact_plane_kernel, star=stars.star_solve_kernel)
+            self.foreseen = ForeseenBodies(self, others.ports.newton_assembly, others.ports.line_search_lanes)
             terms.append(self.foreseen)
         if (surfaces := others.ports.self_contact) is not None:
             self.surfaces = not surfaces.within
         if "ph" in self.rigid.part.arrays:
-            self.need(exchange.take)
-            self.half = Half(self)
+            self.need(take=exchange.point_impulse_kernel)
+            self.half = HalfStepMomenta(self)
             others.ports.before_half_kick.append(self.half.before)
 
     def join(self, contact) -> None:
-        """Takes the table of contacts that have the rows of bodies in them (`wsim.physics.contact.method.Contact`)."""
+        """Takes the table of contacts that have the rows of bodies in them (`wsim.physics.contact.method.ContactMethod`)."""
         self.contact, self.contacts, model, device = contact, contact.contacts, self.model, self.model.device
         rows, several = self.contacts.rows, len(model.scene.colliders)
         numbers = {world: [n for n, (_, of, _) in enumerate(self.owners) if of == world] for world in self.copies}
@@ -114,7 +116,7 @@ class Touch(Substeps):
                  for place, n in enumerate(numbers[body.world])]
         bodies = np.array([self.owners[n][0] for _, n, _ in found], np.int32)
         own = [self.owners[n][2] for _, n, _ in found]
-        places = places_of([self.rigid.masses[k] for k in bodies], own, np.zeros((len(own), 3)))
+        places = collider_places_in_body([self.rigid.masses[k] for k in bodies], own, np.zeros((len(own), 3)))
         row, table = np.array([r for r, *_ in found], np.int32), self.contacts.table.of
         self.contacts.owner[row], self.contacts.restitution[row] = bodies, [c.restitution for c in own]
         table.owner.assign(self.contacts.owner.astype(np.int32))
@@ -124,8 +126,8 @@ class Touch(Substeps):
 
         def array(values, dtype):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
-        Shapes, self.Found, self.Points = touch.structs(self.real)
-        self.shapes = filled(
+        Shapes, self.Found, self.Points = touch.touch_structs(self.real)
+        self.shapes = fill_struct(
             Shapes, row=array(row, int), body=array(bodies, int), place=array(places, wp.transformd),
             ball=array(np.concatenate([rows.centers()[rows.collider[row]], radius[:, None]], 1), wp.vec4d),
             origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d),
@@ -145,16 +147,16 @@ class Touch(Substeps):
 
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=device)
-        Rows, Hubs = stars.structs(self.real)
+        Rows, Hubs = stars.star_structs(self.real)
         self.numbers, slot = zeros(2 * room, int), zeros(2 * room, int)
-        self.rows = filled(Rows, first=zeros(n + 1, int), slot=slot, n=zeros(room, t.vec3), r=zeros(room, t.vec3),
-                           slip=zeros(room, t.vec3), **{name: zeros(room, self.real) for name in ("base", "least", "mu", "f")})
-        self.found = filled(self.Found, b=zeros(room, self.real), u=zeros(room, t.vec3), before=zeros(room, self.real),
-                            q=zeros(room, self.real), **{name: zeros(2 * n, wp.vec3d) for name in ("ahead", "still", "total")})
+        slots = {name: zeros(room, self.real) for name in ("base", "least", "mu", "f")}
+        slots |= {name: zeros(room, t.vec3) for name in ("n", "r", "slip")}
+        self.rows = fill_struct(Rows, first=zeros(n + 1, int), slot=slot, **slots)
+        slots = {name: zeros(room, self.real) for name in ("b", "before", "q")} | {"u": zeros(room, t.vec3)}
+        self.found = fill_struct(self.Found, **slots, **{k: zeros(2 * n, wp.vec3d) for k in ("ahead", "still", "total")})
         table, work = self.rigid.table, self.rigid.contacts.work
-        self.hubs = filled(Hubs, w=table.w, inverse=table.inverse, turn=work.turn, q=zeros(2 * n, wp.vec3d))
-        self.V, self.left = zeros(2 * n, wp.vec3d), zeros(n, self.real)
-        self.aside = zeros(room, t.vec3)                 # pushes of colliders that are no bodies
+        self.hubs = fill_struct(Hubs, w=table.w, inverse=table.inverse, turn=work.turn, q=zeros(2 * n, wp.vec3d))
+        self.V, self.left, self.aside = zeros(2 * n, wp.vec3d), zeros(n, self.real), zeros(room, t.vec3)    # aside: colliders'
         if self.worlds:
             self.worlds.room()
         else:
@@ -180,11 +182,9 @@ class Touch(Substeps):
 
     def points(self, clock: Clock) -> Any:
         s, of, memory = self.state, self.contact.points, clock.integrator.memory > 0.0
-        c = clock.g if memory else clock.g * clock.g / clock.h
-        return filled(self.Points, w=of.constants.w, object=self.contacts.points.object, friction=self.contacts.points.friction,
-                      x=s.x, v=s.v, e=s.e, d=s.d, a=of.anchor, push=self.contacts.push, h=clock.h, g=clock.g, c=c, slow=SLOW)
-
-    # a substep
+        c, own = clock.g if memory else clock.g * clock.g / clock.h, self.contacts.points
+        return fill_struct(self.Points, w=of.constants.w, object=own.object, friction=own.friction, x=s.x, v=s.v, e=s.e,
+                             d=s.d, a=of.anchor, push=self.contacts.push, h=clock.h, g=clock.g, c=c, slow=SLOW)
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""

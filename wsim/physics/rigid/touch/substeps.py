@@ -9,16 +9,16 @@ import warp as wp
 
 from wsim.kernels.rigid.touch.step import touch_step, touch_sweep
 from wsim.model.stage import Clock, Methods, Stage
-from wsim.physics.rigid.solids import asked
+from wsim.physics.rigid.solids import asks_for_sleep
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 
-class Substeps:
+class RigidSubsteps:
     """The parts as stages: `begin`, and `end` behind what pushes. rigid: the method, whose `contacts` are made."""
 
-    foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.Foreseen`
+    foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.ForeseenBodies`
 
     def __init__(self, b: Build, rigid, swept: bool = True):
         """swept: False if `sweep` is never called."""
@@ -28,7 +28,7 @@ class Substeps:
         self.swept = self.form.parts(touch_sweep, False) if swept else None
         self.joints = rigid.joints.passes() if rigid.joints else None
         size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
-        if asked(b.scene):
+        if asks_for_sleep(b.scene):
             what += "; none sleeps, as points never do"
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
                        Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]

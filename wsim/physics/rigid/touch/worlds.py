@@ -8,22 +8,22 @@ import warp as wp
 
 from wsim.kernels.rigid.touch import rounds
 from wsim.model.stage import Clock
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 
 THREADS = 256                # of a block
 FEW = 32                     # bodies of a world that one block solves, at most: a block each solves more of them
 
 
-class Worlds:
-    """touch: `wsim.physics.rigid.touch.points.Touch`, whose form is made."""
+class WorldBlocks:
+    """touch: `wsim.physics.rigid.touch.points.BodyPointContacts`, whose form is made."""
 
     def __init__(self, touch):
         self.touch, self.model, form = touch, touch.model, touch.form
         cuda = self.model.device.is_cuda
         self.threads = THREADS if cuda else 1
         module = self.model.shared_module("touch_rounds", form.coloured, form.tolerance > 0.0, threads=THREADS * cuda)
-        self.list_kernel = rounds.list_touches(touch.real, self.threads, module)
-        self.rounds_kernel = rounds.rounds(tuple(form.kinds), touch.real, self.threads, module)
+        self.list_kernel = rounds.touch_list_kernel(touch.real, self.threads, module)
+        self.rounds_kernel = rounds.touch_round_kernel(tuple(form.kinds), touch.real, self.threads, module)
 
     @property
     def launches(self) -> tuple[int, int]:
@@ -36,13 +36,14 @@ class Worlds:
         n, worlds = len(touch.rigid.bodies), model.worlds
         first = np.searchsorted([world for _, world in touch.rigid.bodies], np.arange(worlds + 1)).astype(np.int32)
 
-        def zeros(length: int, dtype):
+        def zeros_for_worlds(length: int, dtype):
             return wp.zeros(length, dtype=dtype, device=model.device)
-        self.table: Any = filled(
-            rounds.worlds(touch.real), rows=touch.rows, hubs=touch.hubs, found=touch.found, shapes=touch.shapes,
-            first=wp.array(first, dtype=int, device=model.device), points=model.points // worlds, many=zeros(worlds, int),
-            point=zeros(model.points, int), count=zeros(n, int), going=zeros(worlds, int), V=touch.V,
-            aim=zeros(2 * n, wp.vec3d), was=zeros(2 * n, wp.vec3d), left=touch.left)
+        self.table: Any = fill_struct(
+            rounds.world_type(touch.real), rows=touch.rows, hubs=touch.hubs, found=touch.found, shapes=touch.shapes,
+            first=wp.array(first, dtype=int, device=model.device), points=model.points // worlds,
+            many=zeros_for_worlds(worlds, int),
+            point=zeros_for_worlds(model.points, int), count=zeros_for_worlds(n, int), going=zeros_for_worlds(worlds, int),
+            V=touch.V, aim=zeros_for_worlds(2 * n, wp.vec3d), was=zeros_for_worlds(2 * n, wp.vec3d), left=touch.left)
 
     def list(self, clock: Clock) -> None:
         """Lists points that touch something, and contacts in the order of bodies, behind a search."""

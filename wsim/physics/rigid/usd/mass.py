@@ -17,14 +17,14 @@ import numpy as np
 from pxr import Usd, UsdPhysics, UsdShade
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.mass import Volume, collider_volume, principal
+from wsim.physics.rigid.mass import MassVolume, collider_volume, principal_axes
 from wsim.physics.rigid.objects import DENSITY
 from wsim.scene import Collider
 from wsim.usd import names
-from wsim.usd.stage import Reading, applied
+from wsim.usd.stage import StageReading, applied_schemas
 
 
-class Given(NamedTuple):
+class AuthoredMass(NamedTuple):
     """What PhysicsMassAPI of a prim says, in SI units; None where it says nothing."""
 
     mass: float | None = None
@@ -34,12 +34,12 @@ class Given(NamedTuple):
     axes: np.ndarray | None = None
 
 
-def mass_properties(reading: Reading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
+def mass_properties(reading: StageReading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
     """mass [kg], center (3,) [m], inertia (3,) [kg m^2] and axes (x, y, z, w) of a `Body`; unknown values are left out."""
-    if not _sound(reading, [prim, *(reading.stage.GetPrimAtPath(c.path) for c in colliders)]):
+    if not _authored_mass_is_valid(reading, [prim, *(reading.stage.GetPrimAtPath(c.path) for c in colliders)]):
         return {}
-    own = _given(reading, prim)
-    parts = [_part(reading, prim, c, own.density) for c in colliders]
+    own = _read_authored_mass(reading, prim)
+    parts = [_collider_mass_part(reading, prim, c, own.density) for c in colliders]
     parts = [part for part in parts if part.volume > 0.0]
     if own.inertia is None and not parts:
         return {} if own.mass is None else {"mass": own.mass}           # nothing that an inertia could follow from
@@ -50,25 +50,26 @@ def mass_properties(reading: Reading, prim: Usd.Prim, colliders: list[Collider])
     if own.inertia is not None:
         axes = np.array([0.0, 0.0, 0.0, 1.0]) if own.axes is None else own.axes
         return {"mass": mass, "center": center, "inertia": own.inertia, "axes": axes}
-    inertia = sum((mass / whole * (part.inertia + part.volume * _steiner(part.center - center)) for part in parts),
+    inertia = sum((mass / whole * (part.inertia + part.volume * _parallel_axis_inertia(part.center - center))
+                   for part in parts),
                   np.zeros((3, 3)))
     if not np.isfinite([*inertia.ravel(), *center, mass]).all():
         reading.fail(prim.GetPath(), f"the mass ({mass:g} kg), inertia or centre of its colliders is not finite; allowed: "
                      "finite numbers; mend: check metersPerUnit and the sizes of its colliders")
         return {}
-    moments, axes = principal(inertia)
+    moments, axes = principal_axes(inertia)
     return {"mass": mass, "center": center, "inertia": moments, "axes": axes}
 
 
-def _steiner(d: np.ndarray) -> np.ndarray:
+def _parallel_axis_inertia(d: np.ndarray) -> np.ndarray:
     """Inertia (3, 3) of a unit mass at d (3,)."""
     return d @ d * np.eye(3) - np.outer(d, d)
 
 
-def _part(reading: Reading, body: Usd.Prim, collider: Collider, density: float | None) -> Volume:
+def _collider_mass_part(reading: StageReading, body: Usd.Prim, collider: Collider, density: float | None) -> MassVolume:
     """Mass [kg] (as `volume`), center [m] and inertia [kg m^2] of a collider in the body's frame."""
     prim, V = reading.stage.GetPrimAtPath(collider.path), collider_volume(collider)
-    own = _given(reading, prim) if prim != body else Given()
+    own = _read_authored_mass(reading, prim) if prim != body else AuthoredMass()
     mass = own.mass
     if mass is None:
         mass = V.volume * (own.density or density or _material_density(reading, prim) or DENSITY)
@@ -76,30 +77,31 @@ def _part(reading: Reading, body: Usd.Prim, collider: Collider, density: float |
     center = V.center if own.center is None else M[:3, :3] @ own.center + M[:3, 3]
     inertia = V.inertia * (mass / V.volume) if V.volume > 0.0 else np.zeros((3, 3))
     if own.inertia is not None:
-        R = M[:3, :3] if own.axes is None else M[:3, :3] @ rotation.matrix(own.axes)
+        R = M[:3, :3] if own.axes is None else M[:3, :3] @ rotation.quaternion_to_matrix(own.axes)
         inertia = R @ np.diag(own.inertia) @ R.T
     elif own.center is not None:
-        inertia = inertia + mass * _steiner(center - V.center)
-    return Volume(mass, center, inertia)
+        inertia = inertia + mass * _parallel_axis_inertia(center - V.center)
+    return MassVolume(mass, center, inertia)
 
 
-def _given(reading: Reading, prim: Usd.Prim) -> Given:
-    if names.MASS not in applied(prim):
-        return Given()
+def _read_authored_mass(reading: StageReading, prim: Usd.Prim) -> AuthoredMass:
+    if names.MASS not in applied_schemas(prim):
+        return AuthoredMass()
     api, start, units = UsdPhysics.MassAPI(prim), reading.start, reading.units
     mass, density, center, inertia, axes = (a.Get(start) for a in (
         api.GetMassAttr(), api.GetDensityAttr(), api.GetCenterOfMassAttr(), api.GetDiagonalInertiaAttr(),
         api.GetPrincipalAxesAttr()))
     q = np.array([*axes.GetImaginary(), axes.GetReal()], np.float64)
-    return Given(mass * units.kilograms if mass else None, density * units.factor("kg/m^3") if density else None,
-                 np.array(center, np.float64) * units.metres if np.isfinite(center).all() else None,
-                 np.array(inertia, np.float64) * units.factor("kg m^2") if any(inertia) else None, q if q.any() else None)
+    return AuthoredMass(mass * units.kilograms if mass else None, density * units.factor("kg/m^3") if density else None,
+                        np.array(center, np.float64) * units.metres if np.isfinite(center).all() else None,
+                        np.array(inertia, np.float64) * units.factor("kg m^2") if any(inertia) else None,
+                        q if q.any() else None)
 
 
-def _material_density(reading: Reading, prim: Usd.Prim) -> float | None:
+def _material_density(reading: StageReading, prim: Usd.Prim) -> float | None:
     """Density [kg/m^3] of the material bound for physics, else for all purposes; None where it says nothing."""
     material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0].GetPrim()
-    if not material or names.MATERIAL not in applied(material):
+    if not material or names.MATERIAL not in applied_schemas(material):
         return None
     density = UsdPhysics.MaterialAPI(material).GetDensityAttr().Get(reading.start) or 0.0
     if not 0.0 <= density < np.inf:
@@ -109,7 +111,7 @@ def _material_density(reading: Reading, prim: Usd.Prim) -> float | None:
     return density * reading.units.factor("kg/m^3") or None
 
 
-def _sound(reading: Reading, prims: list[Usd.Prim]) -> bool:
+def _authored_mass_is_valid(reading: StageReading, prims: list[Usd.Prim]) -> bool:
     """True if authored masses, densities and centres are valid. USD ignores invalid ones silently."""
     found = True
     for prim in dict.fromkeys(prims):

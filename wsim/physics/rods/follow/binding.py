@@ -8,13 +8,13 @@ in s between the middles of edges; before the first and behind the last middle o
 import numpy as np
 
 from wsim.physics.rods.follow.objects import Followers
-from wsim.physics.rods.tables import Table
+from wsim.physics.rods.tables import StrandTable
 
 GUIDES = 3                 # a triangle of roots around a root; more would blur what guides do
 CHUNK = 1024               # strands whose distances to all guides are looked at together
 
 
-def nearest(roots: np.ndarray, guides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nearest_guides(roots: np.ndarray, guides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (strands, k) of the guides nearest to roots, and their weights, which sum to 1."""
     k = min(GUIDES, len(guides))
     number, away = [], []
@@ -28,13 +28,13 @@ def nearest(roots: np.ndarray, guides: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return np.concatenate(number), weight / weight.sum(axis=1, keepdims=True)
 
 
-def arcs(points: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def arc_lengths(points: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Arc length of each point from the root of its strand, (n,) [m]."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     return s - np.repeat(s[np.cumsum(counts) - counts], counts)
 
 
-def bind(followers: Followers, table: Table, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def bind_followers(followers: Followers, table: StrandTable, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges (n, 2 k), rows of the flat tables; weights; places from the middles of edges in their frames (tangent, director,
     their cross product) [m], (n, 2 k, 3). own: strands of the guides."""
     y = followers.motion.points(followers.points, 0.0)
@@ -44,9 +44,9 @@ def bind(followers: Followers, table: Table, own: slice) -> tuple[np.ndarray, np
     length = np.linalg.norm(e, axis=2)
     middle = np.cumsum(length, axis=0) - 0.5 * length
     edges = table.counts[own] - 1
-    guide, share = nearest(y[np.cumsum(counts) - counts], x[0])
+    guide, share = nearest_guides(y[np.cumsum(counts) - counts], x[0])
     strand = np.repeat(np.arange(len(counts)), counts)
-    guide, share, s = guide[strand], share[strand], arcs(y, counts)
+    guide, share, s = guide[strand], share[strand], arc_lengths(y, counts)
     a, part = np.zeros(guide.shape, int), np.zeros(guide.shape)
     for g in np.unique(guide).tolist():
         at = np.nonzero(guide == g)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.follow import Bound, carrying
+from wsim.kernels.rods.follow import BoundPoints, carried_point_kernel
 from wsim.model.stage import Clock, Method, Stage
-from wsim.model.structs import filled
-from wsim.physics.rods.follow.binding import GUIDES, bind
-from wsim.scene.samples import Points, Sample
+from wsim.model.structs import fill_struct
+from wsim.physics.rods.follow.binding import GUIDES, bind_followers
+from wsim.scene.samples import PointSample, Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -20,14 +20,14 @@ MODULE, THREADS = "wsim_rods_follow", 128
 
 
 def build(b: Build) -> Method:
-    return Follow(b)
+    return FollowerMethod(b)
 
 
 def signature(b) -> list:
     return []                                            # its kernel stands in a module of its own
 
 
-class Follow(Method):
+class FollowerMethod(Method):
     """Points of all followers of all worlds, in rows."""
 
     def __init__(self, b: Build):
@@ -38,7 +38,7 @@ class Follow(Method):
         for followers in b.scene.things("Followers"):
             of = {world: own for own, (rods, world) in zip(table.own, table.pairs, strict=True)
                   if rods.path == followers.guides}
-            edge, weight, place = bind(followers, table, of[0])
+            edge, weight, place = bind_followers(followers, table, of[0])
             missing = 2 * GUIDES - edge.shape[1]
             pad = ((0, 0), (0, missing))
             for world, own in of.items():
@@ -47,12 +47,12 @@ class Follow(Method):
                 start.append(followers.motion.points(followers.points, 0.0))
                 self.rows.append((followers.path, world, slice(row, row := row + len(edge))))
         edge, weight, place = (np.concatenate(each) for each in zip(*parts, strict=True))
-        self.bound = filled(Bound, edge=wp.array(edge.astype(np.int32), dtype=int, device=device),
-                            weight=wp.array(weight, dtype=wp.float64, device=device),
-                            place=wp.array(place, dtype=wp.vec3d, device=device),
-                            rest=wp.zeros(row, dtype=wp.vec3d, device=device))
+        self.bound = fill_struct(BoundPoints, edge=wp.array(edge.astype(np.int32), dtype=int, device=device),
+                                 weight=wp.array(weight, dtype=wp.float64, device=device),
+                                 place=wp.array(place, dtype=wp.vec3d, device=device),
+                                 rest=wp.zeros(row, dtype=wp.vec3d, device=device))
         self.x, self.v = (wp.zeros(row, dtype=wp.vec3d, device=device) for _ in range(2))
-        self.kernel, b.model.modules[MODULE] = carrying(MODULE), THREADS
+        self.kernel, b.model.modules[MODULE] = carried_point_kernel(MODULE), THREADS
         self.stages.append(Stage("follow", "deform", self.carry, 1, row * 2 * GUIDES * 150, "frame",
                                  f"{row} points of hairs that follow guides"))
         self.start, self.begun = np.concatenate(start), False
@@ -77,4 +77,4 @@ class Follow(Method):
     def samples(self, world: int = 0) -> list[Sample]:
         self.before_frame(0.0, None)
         x, v = self.x.numpy(), self.v.numpy()
-        return [Points(path, x[rows], v[rows]) for path, of, rows in self.rows if of == world]
+        return [PointSample(path, x[rows], v[rows]) for path, of, rows in self.rows if of == world]

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
 from wsim.scene.curve import Motion
 
 
 @dataclass(eq=False)
-class Followers(Compared):
+class Followers(ArrayDataclass):
     """Strands that are not simulated, and go along with the strands of `Rods` whose roots are nearest to theirs at the start.
 
     path      prim path
@@ -28,4 +28,4 @@ class Followers(Compared):
     motion: Motion = field(default_factory=Motion.still)
 
     def __post_init__(self):
-        self.points, self.counts = reals(self.points, -1, 3), array(self.counts, np.int32, -1)
+        self.points, self.counts = real_array(self.points, -1, 3), contiguous_array(self.counts, np.int32, -1)

@@ -4,16 +4,16 @@ from pxr import Sdf, Usd, UsdGeom
 
 from wsim.physics.rods.follow.objects import Followers
 from wsim.usd import names
-from wsim.usd.attributes import author as write
-from wsim.usd.attributes import read
+from wsim.usd.attributes import author_attribute as write
+from wsim.usd.attributes import read_attribute
 from wsim.usd.prims.cloth import load_points
-from wsim.usd.stage import Reading, Units, applied
-from wsim.usd.transforms import author_motion, placement
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
+from wsim.usd.transforms import author_motion, read_placement
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Followers | None:
+def load(reading: StageReading, prim: Usd.Prim) -> Followers | None:
     """The strands of a prim that names guides; None of rods, and of what cannot be read (which is reported)."""
-    path, simulated = prim.GetPath(), names.CURVES_SIM in applied(prim)
+    path, simulated = prim.GetPath(), names.CURVES_SIM in applied_schemas(prim)
     relationship = prim.GetRelationship(names.GUIDES)
     targets = [str(target) for target in relationship.GetForwardedTargets()] if relationship else []
     if simulated or not targets:
@@ -31,16 +31,16 @@ def load(reading: Reading, prim: Usd.Prim) -> Followers | None:
         reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.GUIDES}; allowed is BasisCurves")
         return None
     points, _ = load_points(reading, prim, "Followers")
-    counts = read(prim, "Followers", "counts", reading.units, reading.start)
+    counts = read_attribute(prim, "Followers", "counts", reading.units, reading.start)
     if points is None or counts is None:
         reading.fail(path, "has no points or no curveVertexCounts; author both")
         return None
     cubic = curves.GetTypeAttr().Get() == UsdGeom.Tokens.cubic
     return Followers(str(path), points, counts, targets[0], str(curves.GetBasisAttr().Get()) if cubic else "linear",
-                     placement(reading, prim).motion)
+                     read_placement(reading, prim).motion)
 
 
-def author(stage: Usd.Stage, followers: Followers, units: Units) -> None:
+def author(stage: Usd.Stage, followers: Followers, units: StageUnits) -> None:
     """Defines the BasisCurves of followers."""
     curves = UsdGeom.BasisCurves.Define(stage, followers.path)
     prim = curves.GetPrim()

@@ -5,8 +5,8 @@ the work of gravity, loads, colliders that move, wind and drives, rise by no mor
 far, and a floor: the work of the weights over FLOOR of the sizes (what contacts push apart, what float32 rounds). Equations:
 kernels/math/ledger.py.
 
-Where something works whose work is not known, the frame is left open: the balance begins anew behind it. `Reasons` lists
-what that is.
+Where something works whose work is not known, the frame is left open: the balance begins anew behind it. `OpenFrameReasons`
+lists what that is.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ import warp as wp
 
 from wsim.kernels.math import ledger
 from wsim.model.stage import Clock, Method, Ports, Remedy, Stage
-from wsim.model.state import Field, Part
-from wsim.model.status import Status
-from wsim.model.structs import filled
-from wsim.simulation.measure.checks.reasons import STILL, Reasons
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.simulation.measure.checks.reasons import STILL, OpenFrameReasons
 from wsim.simulation.measure.checks.rise import FIRST, left_open
-from wsim.simulation.measure.checks.terms import Terms
-from wsim.simulation.measure.checks.works import Works
+from wsim.simulation.measure.checks.terms import EnergyTerms
+from wsim.simulation.measure.checks.works import WorkOfSubsteps
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -35,49 +35,50 @@ FLOOR = 1e-3           # of the size of an object, over which its weight may wor
 CREEP = 1e-4           # of the size of an object a frame: a speed that is none
 APART = "; if shapes overlap where the run starts, move them apart"
 WORD, MOVES = "energy gained", "pin that moves"
-FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
-          Field("balance_most", "J", True, "largest kinetic energy so far", "double"),
-          Field("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
-          Field("balance_rises", "", True, "how often they have", "double"),
-          Field("balance_rolled", "", True, "facets or radians passed by rolling bodies in successive frames", "double"))
+FIELDS = (StateField("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
+          StateField("balance_most", "J", True, "largest kinetic energy so far", "double"),
+          StateField("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
+          StateField("balance_rises", "", True, "how often they have", "double"),
+          StateField("balance_rolled", "", True, "facets or radians passed by rolling bodies in successive frames", "double"))
 FIELDS_OF = ("balance_lowest", "balance_most")
 
 
-def build(b: Build) -> Balance | None:
+def build_energy_balance(b: Build) -> EnergyBalance | None:
     """None where nothing moves whose energy is known."""
-    works = Works(b)
-    terms = Terms(b.model, b.state, b.methods, b.choice.solver, works.given)
-    return Balance(b, terms, works) if terms.each else None
+    works = WorkOfSubsteps(b)
+    terms = EnergyTerms(b.model, b.state, b.methods, b.choice.solver, works.given)
+    return EnergyBalance(b, terms, works) if terms.each else None
 
 
-class Balance(Method):
+class EnergyBalance(Method):
     alike = True
 
-    def __init__(self, b: Build, terms: Terms, works: Works):
+    def __init__(self, b: Build, terms: EnergyTerms, works: WorkOfSubsteps):
         super().__init__("balance")
         self.model, self.status, self.terms, self.clock = b.model, b.status, terms, b.clock
-        self.works, self.reasons, self.iterates = works, Reasons(b, works), b.choice.solver in ("xpbd", "implicit")
+        self.works, self.reasons, self.iterates = works, OpenFrameReasons(b, works), b.choice.solver in ("xpbd", "implicit")
         device, n = b.model.device, b.model.worlds
-        self.part = Part.allocate("energy balance", FIELDS, n, b.model.real, device)
+        self.part = StatePart.allocate("energy balance", FIELDS, n, b.model.real, device)
         path = b.state.paths()[0]
         self.part.rows = {(path, world): np.array([world]) for world in range(n)}
         b.state.add(self.part)
         b.status.reserve(WORD, n)
         b.status.reserve(MOVES)
-        self.ledger = filled(ledger.Ledger, gift=wp.zeros(n, dtype=wp.float64, device=device),
-                             floor=wp.array(np.full(n, floor_of(b)), dtype=wp.float64, device=device),
-                             peak=wp.zeros(n, dtype=wp.float64, device=device), rise=wp.zeros(n, dtype=wp.vec4d, device=device),
-                             **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
+        self.ledger = fill_struct(ledger.EnergyLedger, gift=wp.zeros(n, dtype=wp.float64, device=device),
+                                  floor=wp.array(np.full(n, floor_of(b)), dtype=wp.float64, device=device),
+                                  peak=wp.zeros(n, dtype=wp.float64, device=device),
+                                  rise=wp.zeros(n, dtype=wp.vec4d, device=device),
+                                  **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
         self.offers = Ports(balance=self)
         self.given = wp.full(n, -1.0, dtype=wp.float64, device=device)       # `gift` by what the host knows
         self.figures: Any = None
         if terms.rigid:
-            from wsim.simulation.measure.checks.figures import Figures
-            self.figures = Figures(b, terms.rigid, self.part.arrays["balance_rolled"])
+            from wsim.simulation.measure.checks.figures import RigidFigures
+            self.figures = RigidFigures(b, terms.rigid, self.part.arrays["balance_rolled"])
             for kernel in self.figures.kernels:
                 b.model.modules[kernel.module.name] = b.model.block if device.is_cuda else 1
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
-        self.begun, self.fresh, self.gift, self.mass = True, True, -1.0, mass_of(b)
+        self.begun, self.fresh, self.gift, self.mass = True, True, -1.0, free_mass_of_world(b)
         self.surfaces = False                                # collide with themselves
         self.rises, self.why, self.worst = 0, list[str](), (0.0, "")
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
@@ -104,9 +105,9 @@ class Balance(Method):
         self.begun, self.fresh = self.begun or self.fresh or clock.starting, False
         if self.begun:
             self.ledger.gift.fill_(inf)
-            self.set_aside()
+            self.take_balance_snapshot()
             self.close(begins=True)
-        self.why, speed = self.reasons.of_frame(time, clock.dt)
+        self.why, speed = self.reasons.reasons_of_frame(time, clock.dt)
         gift = 2.0 * self.mass * speed**2 if self.why else -1.0
         if gift != self.gift:
             self.given.fill_(gift)
@@ -122,7 +123,7 @@ class Balance(Method):
         """The balance goes on with what is kept of it."""
         self.fresh = False
 
-    def set_aside(self) -> None:
+    def take_balance_snapshot(self) -> None:
         """The snapshot that the terms compare with: of what stands now."""
         for part in (self.terms.state.parts.get(name) for name in ("points", "bodies")):
             if part is not None:
@@ -143,7 +144,7 @@ class Balance(Method):
         self.model.launch(ledger.close_frame, lanes * self.model.worlds,
                           [self.terms.rows, len(self.terms.each), lanes, PART, self.ledger], [self.status.word(WORD)])
 
-    def retry(self, status: Status) -> list[Remedy]:
+    def retry(self, status: FrameStatus) -> list[Remedy]:
         """More substeps; or backward Euler, where surfaces collide by an integrator that damps nothing of what it does not
         resolve: crumpled sheets are full of that."""
         gained, found = status.said(WORD).any(), []          # type: Any, list[Remedy]
@@ -158,17 +159,17 @@ class Balance(Method):
         """True if there are more substeps than the plan had."""
         return self.rises > 0
 
-    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         """The warning of frames that hold though energy rose: of the worst its prim, how much, and what helps."""
         self.frames += 1
         moves = int(status.said(MOVES)[0])
         for why in self.why or [f"{path} moves" for path in self.reasons.paths[moves - 1:moves]]:
             self.opens[why] = self.opens.get(why, 0) + 1
-        found = self.figures.notes(status, self.clock.steps, self.at_start) if self.figures else []
+        found = self.figures.notes(status, self.clock.steps, self.advice_at_start) if self.figures else []
         return [*found, *self.gains(status.said(WORD))]
 
     @property
-    def at_start(self) -> str:
+    def advice_at_start(self) -> str:
         """The advice of the first frames besides."""
         return APART * (self.frames <= FIRST)
 
@@ -189,7 +190,7 @@ class Balance(Method):
         if gained >= self.worst[0]:
             self.worst = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic energy so "
                                   f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){other}"
-                                  f"{self.at_start}")
+                                  f"{self.advice_at_start}")
         return [(("energy",), gained, self.worst[1])]
 
     def report(self) -> dict[str, Any]:
@@ -206,7 +207,7 @@ class Balance(Method):
         return dict(zip(("gained", "allowed", "kinetic", "work"), map(float, rise[world]), strict=True)) | {"world": world}
 
 
-def mass_of(b) -> float:
+def free_mass_of_world(b) -> float:
     """Mass [kg] of what moves freely in a world."""
     rigid, own = b.ports.bodies, [body for body in b.model.bodies if body.world == 0]
     return sum(float(body.masses.sum()) for body in own) + (
@@ -215,16 +216,16 @@ def mass_of(b) -> float:
 
 def floor_of(b) -> float:
     """Energy [J] of a world that may come from where contacts push apart, from soft ones under a stack, or from rounding."""
-    g, found = float(np.linalg.norm(b.scene.gravity)), b.choice.need.rebound(b.clock.h)
+    g, found = float(np.linalg.norm(b.scene.gravity)), b.choice.need.rebound_energy(b.clock.h)
 
-    def add(mass: float, size: float) -> None:
+    def add_floor_energy(mass: float, size: float) -> None:
         nonlocal found
         found += mass * (g * FLOOR * size + 0.5 * (CREEP * size * b.scene.fps)**2)
     for body in b.model.bodies:
         if body.world == 0:
-            add(float(body.masses.sum()), float(np.ptp(body.places, axis=0).max(initial=0.0)))
+            add_floor_energy(float(body.masses.sum()), float(np.ptp(body.places, axis=0).max(initial=0.0)))
     rigid = b.ports.bodies
     for (_, world), inertia in zip(rigid.bodies, rigid.masses, strict=True) if rigid else ():
         if world == 0:
-            add(inertia.mass, 2.0 * float(np.sqrt(2.5 * np.max(inertia.moments) / inertia.mass)))
+            add_floor_energy(inertia.mass, 2.0 * float(np.sqrt(2.5 * np.max(inertia.moments) / inertia.mass)))
     return found

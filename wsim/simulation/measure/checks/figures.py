@@ -10,15 +10,15 @@ import warp as wp
 
 from wsim.kernels.rigid import checks
 from wsim.model.stage import Clock, Remedy
-from wsim.model.status import Status
+from wsim.model.status import FrameStatus
 from wsim.scene import Box, Capsule, Surface
-from wsim.simulation.measure.checks.rolling import Rolling
+from wsim.simulation.measure.checks.rolling import RollingCheck
 
 GAPS, OVERLAPS = "joints that gape", "shapes that overlap"
 
 
-class Figures:
-    """rigid: the method of bodies (`wsim.physics.rigid.method.Rigid`)."""
+class RigidFigures:
+    """rigid: the method of bodies (`wsim.physics.rigid.method.RigidMethod`)."""
 
     def __init__(self, b, rigid, rolled: wp.array):
         self.model, self.rigid, self.status = b.model, rigid, b.status
@@ -36,9 +36,9 @@ class Figures:
             b.status.reserve(OVERLAPS, b.model.worlds)
             widths = [width_of(c.shape) for *_, c in contacts.owners] + [np.inf] * (contacts.shapes - len(contacts.owners))
             self.width = wp.array(np.array(widths, np.float32), dtype=float, device=device)
-            self.check_overlap = checks.check_overlap(b.model.real)
+            self.check_overlap = checks.overlap_check_kernel(b.model.real)
             self.kernels.append(self.check_overlap)
-        self.rolling = Rolling(b, rigid, rolled) if Rolling.wanted(rigid) else None
+        self.rolling = RollingCheck(b, rigid, rolled) if RollingCheck.wanted(rigid) else None
         self.kernels += self.rolling.kernels if self.rolling else []
 
     def launch(self, clock: Clock) -> None:
@@ -53,11 +53,11 @@ class Figures:
         if self.rolling:
             self.rolling.launch(clock)
 
-    def retry(self, status: Status, steps: int) -> list[Remedy]:
+    def retry(self, status: FrameStatus, steps: int) -> list[Remedy]:
         found = [Remedy("check", why=name) for name in (GAPS, OVERLAPS) if status.said(name).any()]
         return found + (self.rolling.retry(status, steps) if self.rolling else [])
 
-    def notes(self, status: Status, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
         """Warnings: prims, the figure, what helps. steps: substeps now; at_start: what helps in the first frames besides."""
         found = []
         if status.said(GAPS).any():

@@ -11,11 +11,11 @@ def gains_by_prim(balance, world: int) -> dict[str, float]:
     """Energy [J] that each prim of a world gained in the last frame, less the work of its weight and of its loads. What is
     stored in springs and elements is left out."""
     terms = balance.terms
-    found = _of_points(terms, world) if terms.model.bodies else {}
+    found = _gains_of_points(terms, world) if terms.model.bodies else {}
     return found | (_of_bodies(terms.rigid, world) if terms.rigid else {})
 
 
-def _of_points(terms, world: int) -> dict[str, float]:
+def _gains_of_points(terms, world: int) -> dict[str, float]:
     state, c = terms.state, terms.points.constants
     now, before = ({name: np.asarray(array.numpy(), np.float64) for name, array in arrays.items()} for arrays in (
         {name: state.points.arrays[name] for name in "xev"}, {name: field_aside(state.points, name) for name in "xev"}))

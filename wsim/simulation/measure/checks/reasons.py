@@ -21,11 +21,11 @@ def moves_within(motion: Motion, time: float, dt: float) -> bool:
     return any(np.abs(motion.at(time + s * dt) - first).max() > STILL for s in (0.5, 1.0))
 
 
-class Reasons:
+class OpenFrameReasons:
     """The things of a scene that work without its work being known: always, or while it moves."""
 
     def __init__(self, b, works):
-        """works: `wsim.simulation.measure.checks.works.Works`, what it knows."""
+        """works: `wsim.simulation.measure.checks.works.WorkOfSubsteps`, what it knows."""
         scene, points = b.scene, bool(b.model.bodies)
         found = [f"muscles of {s.path}" for s in scene.springs if s.actuation]
         found += [f"pressure in {s.path}" for s in scene.softs if s.pressure]
@@ -42,7 +42,7 @@ class Reasons:
         found += [f"rods {r.path}" for r in scene.things("Rods")]
         self.always = found
         self.colliders = scene.colliders if points else []
-        self.sizes = {c.path: extent(c.shape) for c in self.colliders}
+        self.sizes = {c.path: sum_of_shape_numbers(c.shape) for c in self.colliders}
         pins = b.ports.pins
         self.pins = pins
         self.paths = [p.pin.path for p in pins.groups["hard"]] if pins else []
@@ -54,27 +54,29 @@ class Reasons:
         if name in UNKNOWN and not (name == "wind" and self.works.wind):
             self.always = list(dict.fromkeys([*self.always, f"{name} of {path}, which was set"]))
 
-    def of_frame(self, time: float, dt: float) -> tuple[list[str], float]:
+    def reasons_of_frame(self, time: float, dt: float) -> tuple[list[str], float]:
         """Reasons why the frame that starts at `time` [s] is left open, and the speed [m/s] of what moves in it; inf where
         that is not what works. Without pins that the device evaluates."""
         if self.always:
             return self.always, inf
-        speeds = {p.pin.path: pulled(p, time, dt) for p in (self.pins.unseen() if self.pins else ())}
+        speeds = {p.pin.path: speed_of_pin(p, time, dt) for p in (self.pins.unseen() if self.pins else ())}
         speeds |= {j.path: inf for j in self.joints if moves_within(j.motion, time, dt)}
         known = self.works.colliders
-        speeds |= {c.path: pushed(c, time, dt, self.sizes[c.path]) for c in self.colliders if (not known or c.restitution)}
+        speeds |= {c.path: speed_of_collider(c, time, dt, self.sizes[c.path]) for c in self.colliders
+                   if (not known or c.restitution)}
         found = [path for path, speed in speeds.items() if speed > STILL]
         return [f"{path} moves" for path in found[:1]], max((speeds[path] for path in found), default=0.0)
 
 
-def pulled(pin, time: float, dt: float) -> float:
+def speed_of_pin(pin, time: float, dt: float) -> float:
     """Greatest speed [m/s] at which a pin moves its points in a frame."""
     places = [pin.targets(time + s * dt) for s in (0.0, 0.5, 1.0)]
     return 2.0 / dt * max(float(np.linalg.norm(b - a, axis=1).max(initial=0.0)) for a, b in pairwise(places))
 
 
-def pushed(collider, time: float, dt: float, size: float) -> float:
-    """Greatest speed [m/s] of a collider in a frame, at most; inf where its points move. size: `extent` of its shape."""
+def speed_of_collider(collider, time: float, dt: float, size: float) -> float:
+    """Greatest speed [m/s] of a collider in a frame, at most; inf where its points move. size: `sum_of_shape_numbers` of its
+    shape."""
     if getattr(collider.shape, "poses", None) is not None:
         return inf
     if not collider.motion.moves:
@@ -84,7 +86,7 @@ def pushed(collider, time: float, dt: float, size: float) -> float:
     return 2.0 / dt * max(float(np.linalg.norm(D[:3, 3]) + np.linalg.norm(D[:3, :3]) * size) for D in moved)
 
 
-def extent(shape) -> float:
+def sum_of_shape_numbers(shape) -> float:
     """Sum of the largest numbers of a shape's fields [m]: no point of it is farther from its origin."""
     fields = map(np.asarray, vars(shape).values())
     return sum(float(np.abs(value).max(initial=0.0)) for value in fields if value.dtype.kind == "f")

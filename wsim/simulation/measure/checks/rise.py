@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from wsim.scene.bodies import Unnamed
+from wsim.scene.bodies import DefaultCount
 from wsim.simulation.predicted.sag import MOST
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ TIMES = 2              # substeps over those before
 
 def left_open(scene) -> bool:
     """True if the number of substeps is the program's choice."""
-    return (scene.solver, scene.integrator) == ("auto", "auto") and isinstance(scene.substeps, Unnamed)
+    return (scene.solver, scene.integrator) == ("auto", "auto") and isinstance(scene.substeps, DefaultCount)
 
 
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:

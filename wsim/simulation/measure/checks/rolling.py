@@ -13,7 +13,7 @@ import warp as wp
 from wsim.kernels.rigid import checks
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
-from wsim.model.status import Status
+from wsim.model.status import FrameStatus
 from wsim.simulation.predicted.rolling import FEW, ROLLS
 
 WORD = "bodies that roll too fast"
@@ -21,19 +21,19 @@ SAID = 1.1             # ratio to the figure in a warning before the run, up to 
 ROLLED = {KINDS["hull"]: "hull", KINDS["cylinder"]: "rim", KINDS["cone"]: "rim"}
 
 
-def kinds(contacts) -> np.ndarray:
+def kinds_of_rigid_shapes(contacts) -> np.ndarray:
     """Kind of each shape that belongs to a rigid body."""
     return contacts.table.kind.numpy()[:contacts.table.still]
 
 
-class Rolling:
+class RollingCheck:
     """lasted: facets or radians that have passed in successive frames so far, (worlds,); a part of the state."""
 
     def __init__(self, b, rigid, lasted: wp.array):
         self.model, self.rigid, self.status, self.lasted = b.model, rigid, b.status, lasted
         b.status.reserve(WORD, b.model.worlds)
         self.found, self.last = (wp.zeros(b.model.worlds, dtype=wp.int64, device=b.model.device) for _ in range(2))
-        self.check = checks.check_rolling(b.model.real)
+        self.check = checks.rolling_check_kernel(b.model.real)
         self.kernels = [self.check, checks.close_rolling]
         self.worst: dict[str, tuple[float, str]] = {}         # of each path: most that passed in a substep, and its message
         self.told = b.choice.need.roll                        # before the run
@@ -41,7 +41,7 @@ class Rolling:
     @staticmethod
     def wanted(rigid) -> bool:
         """True if a body has a hull, a cylinder or a cone for a shape."""
-        return rigid.contacts is not None and bool(np.isin(kinds(rigid.contacts), list(ROLLED)).any())
+        return rigid.contacts is not None and bool(np.isin(kinds_of_rigid_shapes(rigid.contacts), list(ROLLED)).any())
 
     def launch(self, clock: Clock) -> None:
         contacts, k = self.rigid.contacts, clock.substeps - 1
@@ -54,16 +54,16 @@ class Rolling:
         most = int(self.last.numpy().max())
         return 1e-3 * (most >> 32), most & 0xFFFFFFFF
 
-    def retry(self, status: Status, substeps: int) -> list[Remedy]:
+    def retry(self, status: FrameStatus, substeps: int) -> list[Remedy]:
         if not status.said(WORD).any():
             return []
         return [Remedy("check", why=WORD, steps=ceil(substeps * self.passed()[0] / FEW))]
 
-    def notes(self, status: Status, substeps: int) -> list[tuple[tuple, float, str]]:
+    def notes(self, status: FrameStatus, substeps: int) -> list[tuple[tuple, float, str]]:
         if not status.said(WORD).any():
             return []
         passed, shape = self.passed()
-        (path, _), what = self.rigid.contacts.named[shape], ROLLS[ROLLED[kinds(self.rigid.contacts)[shape]]]
+        (path, _), what = self.rigid.contacts.named[shape], ROLLS[ROLLED[kinds_of_rigid_shapes(self.rigid.contacts)[shape]]]
         if path == self.told.path and passed < SAID * self.told.rate / self.model.scene.fps / substeps:
             return []
         if passed > self.worst.get(path, (0.0, ""))[0]:

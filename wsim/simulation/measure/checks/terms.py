@@ -11,7 +11,7 @@ import warp as wp
 from wsim.kernels.math import ledger
 from wsim.model import kernel_cache
 from wsim.model.stage import Methods
-from wsim.model.structs import filled
+from wsim.model.structs import fill_struct
 
 THREADS = {True: 128, False: 1}          # that sum a world: CUDA, CPU
 
@@ -22,7 +22,7 @@ def field_aside(part, name: str) -> wp.array:
     return part.aside[k * part.capacity:(k + 1) * part.capacity]
 
 
-class Terms:
+class EnergyTerms:
     """All terms of a plan, in one array of rows."""
 
     def __init__(self, model, state, methods: Methods, solver: str, given: list[wp.array]):
@@ -33,12 +33,12 @@ class Terms:
         self.kernels: list = []
         self.sums: list[wp.array] = []
         if model.bodies:
-            self.take_points(methods)
+            self.add_point_terms(methods)
         self.rigid = methods.ports.bodies
         if self.rigid:
-            self.take_bodies()
+            self.add_body_terms()
         for array in given:
-            self.take_given(array)
+            self.add_given_work(array)
         self.rows = wp.zeros(max(len(self.each), 1) * self.size, dtype=wp.vec4d, device=model.device)
         self.own = [self.rows[k * self.size:(k + 1) * self.size] for k in range(len(self.each))]
         for kernel in self.kernels:
@@ -49,9 +49,9 @@ class Terms:
         """Rows of a term."""
         return self.worlds * self.threads
 
-    def take_points(self, methods: Methods) -> None:
+    def add_point_terms(self, methods: Methods) -> None:
         """Points, and what holds them together."""
-        from wsim.kernels.math.point_energy import balance_points
+        from wsim.kernels.math.point_energy import point_balance_kernel
         model = self.model
         self.points = methods.ports.points
         self.counted = None
@@ -59,42 +59,42 @@ class Terms:
             counted = np.ones(model.points, np.int32)
             counted[model.gone] = 0
             self.counted = wp.array(counted, dtype=int, device=model.device)
-        self.balance_points = balance_points(model.real)
+        self.balance_points = point_balance_kernel(model.real)
         self.kernels.append(self.balance_points)
         self.each.append(self.sum_points)
         least = 0.0 if self.solver == "xpbd" else 1.0
         for table in self.stored(methods):
-            self.take_stored(table, least)
+            self.add_stored_energy(table, least)
 
     def stored(self, methods: Methods) -> list:
         """Tables of what stores elastic energy: of XPBD in one world its own, in the order of colours."""
         if self.solver == "xpbd" and self.worlds == 1:
             found = [b for b in methods.ports.xpbd_batches if not b.hard]
         else:
-            from wsim.physics.cloth.table import table_of
+            from wsim.physics.cloth.table import constraint_table
             kinds = sorted({r.kind for r in self.model.constraints if not r.hard})
-            found = [table_of(self.model, kind) for kind in kinds]
+            found = [constraint_table(self.model, kind) for kind in kinds]
         return found + [t for t in methods.ports.tet_tables if hasattr(t, "maths")]
 
-    def take_stored(self, table, least: float) -> None:
+    def add_stored_energy(self, table, least: float) -> None:
         """Elements of one kind. least: the part of their energy that counts as there."""
         model, sums = self.model, wp.zeros(self.size, dtype=wp.vec3d, device=self.model.device)
         if hasattr(table, "maths"):
             module = kernel_cache.report_module(model, table.maths.__name__, str(table.material))
             kernel = table.maths.statistics(table.material, real=model.real, module=module)
 
-            def measure() -> None:
+            def measure_stored_energy() -> None:
                 s = self.state
                 model.launch(kernel, sums.size, [table.data, table.size, self.worlds, s.x, s.e, table.q], [sums])
             self.kernels.append(kernel)
         else:
-            table.comply().bend(apart=True)
+            table.add_compliances().bend(apart=True)
             if table.curvature:
                 table.curvature.room()
             kernels = table.energy_kernels(kernel_cache.report_module(model, f"{table.kind} {table.uniform}"))
             self.kernels += kernels
 
-            def measure() -> None:
+            def measure_stored_energy() -> None:
                 s, data = self.state, table.data
                 if table.curvature:
                     rest = table.lengths or data.rest
@@ -103,18 +103,18 @@ class Terms:
         self.sums.append(sums)
         self.kernels.append(ledger.store_energy)
 
-        def launch(rows: wp.array) -> None:
-            measure()
+        def launch_stored_energy(rows: wp.array) -> None:
+            measure_stored_energy()
             model.launch(ledger.store_energy, sums.size, [sums, 0, least], [rows])
-        self.each.append(launch)
+        self.each.append(launch_stored_energy)
 
     def motions(self, part, **more) -> Any:
         """Struct of where a part is and was."""
-        from wsim.kernels.math.point_energy import motions
-        return filled(motions(self.model.real)[0], x=part.arrays["x"], e=part.arrays["e"], x0=field_aside(part, "x"),
-                      e0=field_aside(part, "e"), **more)
+        from wsim.kernels.math.point_energy import point_motion_type
+        return fill_struct(point_motion_type(self.model.real)[0], x=part.arrays["x"], e=part.arrays["e"],
+                           x0=field_aside(part, "x"), e0=field_aside(part, "e"), **more)
 
-    def take_given(self, given: wp.array) -> None:
+    def add_given_work(self, given: wp.array) -> None:
         """Work that is added up on the way, equal shares of all worlds."""
         from wsim.kernels.math.point_energy import take_work
         self.kernels.append(take_work)
@@ -126,15 +126,15 @@ class Terms:
         inputs = [self.points.constants, self.counted, self.worlds, at]
         self.model.launch(self.balance_points, rows.size, inputs, [rows])
 
-    def take_bodies(self) -> None:
-        from wsim.kernels.rigid.checks import balance_bodies
-        self.balance_bodies = balance_bodies(self.model.real)
+    def add_body_terms(self) -> None:
+        from wsim.kernels.rigid.checks import body_balance_kernel
+        self.balance_bodies = body_balance_kernel(self.model.real)
         self.kernels.append(self.balance_bodies)
         self.each.append(self.sum_bodies)
         joints = self.rigid.joints
         if joints and any(j.drives for j in joints.joints):
-            from wsim.kernels.rigid.checks import balance_drives, place_joints
-            self.balance_drives, self.place_joints = balance_drives, place_joints(self.model.real)
+            from wsim.kernels.rigid.checks import balance_drives, joint_place_kernel
+            self.balance_drives, self.place_joints = balance_drives, joint_place_kernel(self.model.real)
             self.kernels += [balance_drives, self.place_joints]
             self.each.append(self.sum_drives)
 

@@ -13,7 +13,7 @@ import warp as wp
 from wsim.model.stage import MET, Clock, Stage
 
 
-class Works:
+class WorkOfSubsteps:
     """stages: launches of a substep. `wind`, `colliders`: whether their work is known; `given`: what they add up, an array
     each, equal shares of all worlds."""
 
@@ -30,7 +30,8 @@ class Works:
         if self.air is not None and blown:
             self.add_wind()
         touching = b.reasons["selfcontact"]                   # which pushes points from colliders too
-        if self.contacts is not None and not touching and any(moving(c) and not c.restitution for c in scene.colliders):
+        if self.contacts is not None and not touching and any(collider_is_moving(c) and not c.restitution
+                                                              for c in scene.colliders):
             self.add_colliders([c.path for c in scene.colliders])
 
     def array(self, size: int) -> wp.array:
@@ -38,29 +39,29 @@ class Works:
         return self.given[-1]
 
     def add_wind(self) -> None:
-        from wsim.kernels.cloth.air import blow_work
-        kernel, air = blow_work(self.model.real, self.model.module), self.air
+        from wsim.kernels.cloth.air import wind_work_kernel
+        kernel, air = wind_work_kernel(self.model.real, self.model.module), self.air
         given, n = self.array(air.k.size), air.k.size
 
-        def launch(clock: Clock) -> None:
+        def launch_wind_work(clock: Clock) -> None:
             self.model.launch(kernel, n, [air.triangle, air.air, air.force, clock.h], [given])
-        self.stages.append(Stage("work of wind", "solve", launch, 1, n * 40, what=f"{n} triangles"))
+        self.stages.append(Stage("work of wind", "solve", launch_wind_work, 1, n * 40, what=f"{n} triangles"))
         self.wind = True
 
     def add_colliders(self, paths: list[str]) -> None:
-        from wsim.kernels.contact.project import push_work
-        kernel, own = push_work(self.model.real, self.model.module), self.contacts
+        from wsim.kernels.contact.project import collider_work_kernel
+        kernel, own = collider_work_kernel(self.model.real, self.model.module), self.contacts
         rows = own.rows
         outside: Any = wp.array(np.array([rows.colliders[k].path in paths for k in rows.collider], np.int32), dtype=int,
                                 device=self.model.device)
         given, n = self.array(own.count), own.count
 
-        def launch(clock: Clock) -> None:
+        def launch_collider_work(clock: Clock) -> None:
             self.model.launch(kernel, n, [own.points, own.slots, own.push, outside, clock.g], [given])
-        self.stages.append(Stage("work of colliders", "solve", launch, 1, n * 8, what=f"{n} points", frames=MET))
+        self.stages.append(Stage("work of colliders", "solve", launch_collider_work, 1, n * 8, what=f"{n} points", frames=MET))
         self.colliders = True
 
 
-def moving(collider) -> bool:
+def collider_is_moving(collider) -> bool:
     """True if a collider moves, or its points do."""
     return collider.motion.moves or getattr(collider.shape, "poses", None) is not None

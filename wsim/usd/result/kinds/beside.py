@@ -18,19 +18,19 @@ from typing import BinaryIO
 from pxr import Sdf, Tf
 
 from wsim.usd.result import atomic, crate
-from wsim.usd.result.kinds.siblings import KEY, referred
+from wsim.usd.result.kinds.siblings import KEY, is_referenced_by_sibling
 
 ROUND = 1e-6                    # of a time code that a sample may lie before its frame
 FOLDER = re.compile(r"[^/\\]+\.files/[0-9a-f]{8}\Z")
 
 
-class Beside:
+class SidecarFiles:
     """Files of the run that writes the result `final`. folder: of them, relative to the layer's; made with the first one."""
 
     def __init__(self, final: str):
         self.final = os.path.abspath(final)
         self.place = os.path.dirname(self.final)
-        self.folder = f"{home(final)}/{secrets.token_hex(4)}"
+        self.folder = f"{files_folder_name(final)}/{secrets.token_hex(4)}"
         self.counts: dict[str, int] = {}          # files of each name and ending that are no frame's: part of their names
         self.owners: dict[str, str] = {}          # {prim path: name of the sequence of its files}
         self.taken: dict[str, str] = {}           # {file of an earlier run: what it is here}
@@ -52,7 +52,7 @@ class Beside:
         target = os.path.join(self.place, self.folder, name)
         try:
             os.makedirs(os.path.dirname(target), exist_ok=True)
-            with atomic.replacing(target) as temporary, open(temporary, "xb") as file:
+            with atomic.replace_file_atomically(target) as temporary, open(temporary, "xb") as file:
                 if isinstance(write, bytes):
                     file.write(write)
                 else:
@@ -72,7 +72,7 @@ class Beside:
         try:
             os.link(source, target)
         except OSError:
-            with atomic.replacing(target) as temporary:
+            with atomic.replace_file_atomically(target) as temporary:
                 shutil.copyfile(source, temporary)
         self.taken[source] = self._named(target)
         return self.taken[source]
@@ -96,7 +96,7 @@ class Beside:
     def undo(self) -> None:
         """Removes what was written since `saved` or `keep`: the layer does not name it."""
         for name in self.written:
-            self._unlink(name)
+            self._remove_sidecar_file(name)
         self.written = []
 
     def keep(self) -> None:
@@ -105,9 +105,9 @@ class Beside:
 
     def saved(self) -> None:
         """Removes what the layer, as it is on the disk now, does not name any more, unless a copy of it does."""
-        if self.old and not referred(self.place, self.folder):
+        if self.old and not is_referenced_by_sibling(self.place, self.folder):
             for name in self.old:
-                self._unlink(name)
+                self._remove_sidecar_file(name)
         self.old = []
 
     def forget_empty(self, layer: Sdf.Layer, whole: bool) -> None:
@@ -115,40 +115,40 @@ class Beside:
         if whole and not self.counts:
             layer.customLayerData = {key: value for key, value in layer.customLayerData.items() if key != KEY}
 
-    def _unlink(self, name: str) -> None:
+    def _remove_sidecar_file(self, name: str) -> None:
         with suppress(OSError):
             os.remove(os.path.join(self.place, name))
 
     def discard(self) -> None:
         """All of them go, with their folder."""
-        remove(self.final, self.folder)
+        remove_result_folder(self.final, self.folder)
 
 
-def remove(final: str, folder: str) -> None:
+def remove_result_folder(final: str, folder: str) -> None:
     """Removes a folder that an earlier layer of the result `final` named as its own. It stays where it has not that result's
     name, where a layer beside it refers to it, and where it or the folder above is a link."""
     place = os.path.dirname(final)
     path = os.path.join(place, folder)
-    own = os.path.dirname(folder) == home(final)
+    own = os.path.dirname(folder) == files_folder_name(final)
     if not own or not FOLDER.match(folder) or not os.path.isdir(path) or os.path.islink(path) or os.path.islink(
-            os.path.dirname(path)) or referred(place, folder):
+            os.path.dirname(path)) or is_referenced_by_sibling(place, folder):
         return
     shutil.rmtree(path, ignore_errors=True)
     with suppress(OSError):
         os.rmdir(os.path.dirname(path))
 
 
-def home(final: str) -> str:
+def files_folder_name(final: str) -> str:
     """Name of the folder, beside the result `final`, in which each run to it has a folder of files."""
     return os.path.splitext(os.path.basename(final))[0] + ".files"
 
 
-def of(path: str, final: str) -> str:
+def owned_result_folder(path: str, final: str) -> str:
     """The folder that the layer file `path`, made by a run of the result `final`, names as its own; "" if none."""
-    if not os.path.isdir(os.path.join(os.path.dirname(final), home(final))) or not os.path.lexists(path):
+    if not os.path.isdir(os.path.join(os.path.dirname(final), files_folder_name(final))) or not os.path.lexists(path):
         return ""
     try:
         layer = Sdf.Layer.OpenAsAnonymous(path, True)
     except Tf.ErrorException:
         return ""
-    return str(layer.customLayerData.get(KEY, "")) if layer and crate.made(layer) else ""
+    return str(layer.customLayerData.get(KEY, "")) if layer and crate.is_wsim_result(layer) else ""

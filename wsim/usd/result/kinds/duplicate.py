@@ -11,13 +11,13 @@ from pxr import Sdf, Tf, UsdUtils
 from wsim.scene import Problem, SceneError
 from wsim.usd import clips
 from wsim.usd.result import atomic, crate
-from wsim.usd.result.dependencies import overwritten
+from wsim.usd.result.dependencies import describe_overwrite
 from wsim.usd.result.kinds import beside, sidecar
 from wsim.usd.result.kinds.siblings import KEY
-from wsim.usd.result.lock import Lock
+from wsim.usd.result.lock import OutputLock
 from wsim.usd.result.partial import check_output, partial_path
-from wsim.usd.result.sublayer import copy_source, relative
-from wsim.usd.stage import reason
+from wsim.usd.result.sublayer import copy_source, relative_usd_path
+from wsim.usd.stage import usd_error_text
 
 
 def copy_result(source, target) -> str:
@@ -28,45 +28,46 @@ def copy_result(source, target) -> str:
     another ending; OSError where the copy cannot be written. Nothing of the copy stays then.
     """
     source, target = os.path.abspath(os.fspath(source)), check_output(os.fspath(target))
-    if found := overwritten(target, source):
+    if found := describe_overwrite(target, source):
         what = "the result itself" if found == "itself" else f"a file that {source} depends on"
         raise SceneError(Problem(target, f"is {what}; give the copy another name"))
-    lock = Lock(partial_path(target) + crate.LOCK, target)
+    lock = OutputLock(partial_path(target) + crate.LOCK, target)
     try:
-        before = beside.of(target, target)
-        copy = _Copy(_read(source), source, target)
+        before = beside.owned_result_folder(target, target)
+        copy = _ResultCopy(_read_result_layer(source), source, target)
         try:
             copy.write()
         except BaseException as error:
             copy.undo()
             if isinstance(error, Tf.ErrorException):
-                raise OSError(f"{target} could not be written: {reason(error)}. Free space, or give another name") from None
+                raise OSError(f"{target} could not be written: {usd_error_text(error)}. Free space, or give another "
+                              "name") from None
             raise
-        beside.remove(target, before)
-        clips.tidy(target)
+        beside.remove_result_folder(target, before)
+        clips.remove_stale_clips(target)
     finally:
         lock.release()
     return target
 
 
-def _read(source: str) -> Sdf.Layer:
+def _read_result_layer(source: str) -> Sdf.Layer:
     try:
-        layer = crate.read(source) if os.path.isfile(source) else None
+        layer = crate.read_crate_layer(source) if os.path.isfile(source) else None
     except Tf.ErrorException as error:
-        raise SceneError(Problem(source, f"cannot be read: {reason(error)}")) from None
-    if not layer or not crate.made(layer):
+        raise SceneError(Problem(source, f"cannot be read: {usd_error_text(error)}")) from None
+    if not layer or not crate.is_wsim_result(layer):
         raise SceneError(Problem(source, "is no result that a run has written" if layer else "is no file"))
     return layer
 
 
-class _Copy:
+class _ResultCopy:
     """A layer that is changed to lie at `target`, and the files that it names there."""
 
     def __init__(self, layer: Sdf.Layer, source: str, target: str):
         self.layer, self.source, self.target = layer, source, target
         self.place = os.path.dirname(source)
         self.old = str(layer.customLayerData.get(KEY, ""))
-        self.new = f"{beside.home(target)}/{secrets.token_hex(4)}"
+        self.new = f"{beside.files_folder_name(target)}/{secrets.token_hex(4)}"
         self.files: dict[str, str] = {}                       # {file of the source: file of the copy}, absolute
         self.made: list[str] = []                             # scenes and clips, to be undone
 
@@ -83,13 +84,13 @@ class _Copy:
                 raise SceneError(Problem(self.source, f"names {old}, which is missing; put it back, or run the scene again"))
             os.makedirs(os.path.dirname(new), exist_ok=True)
             shutil.copyfile(old, new)
-        with atomic.replacing(self.target, ".usda" if self.target.endswith(".usda") else ".usdc") as whole:
+        with atomic.replace_file_atomically(self.target, ".usda" if self.target.endswith(".usda") else ".usdc") as whole:
             if not self.layer.Export(str(whole)):
                 raise OSError("USD refused to write it")
 
     def undo(self) -> None:
         """Removes the files of the copy."""
-        beside.remove(self.target, self.new)
+        beside.remove_result_folder(self.target, self.new)
         for path in self.made:
             if os.path.isdir(path):
                 shutil.rmtree(path, ignore_errors=True)
@@ -107,12 +108,12 @@ class _Copy:
         else:
             path, new = copy_source(path, self.source, self.target)
             self.made += [path] * new
-        return relative(path, os.path.dirname(self.target))
+        return relative_usd_path(path, os.path.dirname(self.target))
 
     def _move_restart(self) -> None:
-        def visit(path: Sdf.Path) -> None:
+        def move_restart_path(path: Sdf.Path) -> None:
             spec = self.layer.GetAttributeAtPath(path) if path.IsPropertyPath() and path.name == sidecar.FILE else None
             if spec and spec.default:
                 spec.default = self._path(spec.default)
 
-        self.layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+        self.layer.Traverse(Sdf.Path.absoluteRootPath, move_restart_path)

@@ -7,12 +7,13 @@ from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Joints
-from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.beside import SidecarFiles
 
 NAME = "simulated"                 # of the animation
 
 
-def animated(prim: Usd.Prim, sample: Joints, code: float, beside: Beside) -> list[tuple[Usd.Attribute, Any]]:
+def skeleton_attribute_values(prim: Usd.Prim, sample: Joints, code: float,
+                              beside: SidecarFiles) -> list[tuple[Usd.Attribute, Any]]:
     """(attribute, value) at a time code. Raises SceneError where the prim is no Skeleton."""
     stage, skeleton = prim.GetStage(), UsdSkel.Skeleton(prim)
     if not skeleton:
@@ -27,13 +28,13 @@ def animated(prim: Usd.Prim, sample: Joints, code: float, beside: Beside) -> lis
             animation.CreateBlendShapesAttr(list(sample.shapes))
         UsdSkel.BindingAPI.Apply(prim).CreateAnimationSourceRel().SetTargets([Sdf.Path(path)])
     metres = UsdGeom.GetStageMetersPerUnit(stage)
-    found = [(animation.CreateTranslationsAttr(), _array(Vt.Vec3fArray, sample.translations / metres, np.float32)),
-             (animation.CreateRotationsAttr(), _array(Vt.QuatfArray, sample.rotations, np.float32)),
-             (animation.CreateScalesAttr(), _array(Vt.Vec3hArray, sample.scales, np.float16))]
+    found = [(animation.CreateTranslationsAttr(), _typed_usd_array(Vt.Vec3fArray, sample.translations / metres, np.float32)),
+             (animation.CreateRotationsAttr(), _typed_usd_array(Vt.QuatfArray, sample.rotations, np.float32)),
+             (animation.CreateScalesAttr(), _typed_usd_array(Vt.Vec3hArray, sample.scales, np.float16))]
     if sample.weights is not None:
-        found.append((animation.CreateBlendShapeWeightsAttr(), _array(Vt.FloatArray, sample.weights, np.float32)))
+        found.append((animation.CreateBlendShapeWeightsAttr(), _typed_usd_array(Vt.FloatArray, sample.weights, np.float32)))
     return found
 
 
-def _array(kind: Any, values, dtype) -> Any:
+def _typed_usd_array(kind: Any, values, dtype) -> Any:
     return kind.FromNumpy(np.ascontiguousarray(values, dtype))

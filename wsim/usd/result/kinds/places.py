@@ -10,48 +10,48 @@ from typing import Any
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, UsdVol
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.methods import every
-from wsim.scene.nodal.skin import held
+from wsim.scene.methods import each_method_object
+from wsim.scene.nodal.skin import embed_all_skins
 from wsim.scene.samples import DROPS, VOLUME
-from wsim.usd.result.kinds.volumes import straight
+from wsim.usd.result.kinds.volumes import axis_aligned_frame
 from wsim.usd.result.partial import CONTROL
-from wsim.usd.result.samples import Frame, body_prim, moves
+from wsim.usd.result.samples import PrimFrame, body_prim, transform_may_vary
 
 FRAMES = 1000          # frames at which the transform of a prim that moves is looked at
 
 
-def refused(stage: Usd.Stage, scene: Scene) -> list[Problem]:
+def unwritable_prims(stage: Usd.Stage, scene: Scene) -> list[Problem]:
     """Every prim of a scene's stage that cannot take its result, with the fix."""
     found: list[Problem] = []
     if control := CONTROL.search(os.path.abspath(scene.source or "")):
         found.append(Problem(str(scene.source), f"has the control character {control[0]!r} in its path, by which no result can "
                              "name it; rename it"))
     counts = {body.path: len(body.points) for body in scene.bodies()}
-    for path, count in (counts | {path: len(skin.rows) for path, skin in held(scene).items()}).items():
-        found += _said(_points, stage, scene, path, count)
-    for row, thing in every(scene):
+    for path, count in (counts | {path: len(skin.rows) for path, skin in embed_all_skins(scene).items()}).items():
+        found += _collect_problems(_check_points_writable, stage, scene, path, count)
+    for row, thing in each_method_object(scene):
         written = getattr(thing, "written", thing.path)
         if type(thing).__name__ not in row.unseen:
-            found += _said(_thing, stage, type(thing).__name__, written)
+            found += _collect_problems(_check_object_writable, stage, type(thing).__name__, written)
     return list(dict.fromkeys(found))
 
 
-def _said(ask: Callable, *given) -> Iterator[Problem]:
+def _collect_problems(ask: Callable, *given) -> Iterator[Problem]:
     try:
         ask(*given)
     except SceneError as error:
         yield from error.problems
 
 
-def _points(stage: Usd.Stage, scene: Scene, path: str, count: int) -> None:
+def _check_points_writable(stage: Usd.Stage, scene: Scene, path: str, count: int) -> None:
     """Raises SceneError where a prim is none of so many points, or they cannot be brought into its frame at some frame."""
     prim = body_prim(stage, path, count)
     rate = stage.GetTimeCodesPerSecond() / scene.fps
-    for k in range(min(scene.frames, FRAMES) + 1 if moves(prim) else 1):
-        Frame.of(prim, scene.start + k * rate)
+    for k in range(min(scene.frames, FRAMES) + 1 if transform_may_vary(prim) else 1):
+        PrimFrame.of(prim, scene.start + k * rate)
 
 
-def _thing(stage: Usd.Stage, kind: str, path: str) -> None:
+def _check_object_writable(stage: Usd.Stage, kind: str, path: str) -> None:
     """Raises SceneError where a thing of another method cannot be written."""
     prim = stage.GetPrimAtPath(path)
     if not prim:
@@ -65,14 +65,14 @@ def _thing(stage: Usd.Stage, kind: str, path: str) -> None:
         raise SceneError(Problem(path, f"is a {prim.GetTypeName() or 'prim without type'}; the result needs a "
                                  f"{expected.__name__} there"))
     if kind == "Fluid":
-        home = prim if prim.IsA(UsdVol.Volume) else _beside(stage, path, VOLUME, UsdVol.Volume)
+        home = prim if prim.IsA(UsdVol.Volume) else _find_sibling_prim(stage, path, VOLUME, UsdVol.Volume)
         if home:
-            straight(home, stage.GetStartTimeCode())
+            axis_aligned_frame(home, stage.GetStartTimeCode())
     if kind == "Liquid":
-        _beside(stage, path, DROPS, UsdGeom.Points)
+        _find_sibling_prim(stage, path, DROPS, UsdGeom.Points)
 
 
-def _beside(stage: Usd.Stage, path: str, ending: str, schema: Any) -> Usd.Prim | None:
+def _find_sibling_prim(stage: Usd.Stage, path: str, ending: str, schema: Any) -> Usd.Prim | None:
     """The prim of the result beside one; None where there is none yet. Raises SceneError where another thing has its name."""
     found = stage.GetPrimAtPath(Sdf.Path(path + ending))
     if found and not found.IsA(schema):

@@ -18,26 +18,36 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Colour, Instances, Joints, Particles, Points, Quantity, Sample, Transform, Volume
+from wsim.scene.samples import (
+    ColourSample,
+    InstanceSample,
+    Joints,
+    ParticleSample,
+    PointSample,
+    QuantitySample,
+    Sample,
+    TransformSample,
+    VolumeSample,
+)
 from wsim.usd import names
-from wsim.usd.result.kinds.beside import Beside
-from wsim.usd.result.kinds.instances import placed
-from wsim.usd.result.samples import Frame, moves, particles_of
-from wsim.usd.stage import applied
+from wsim.usd.result.kinds.beside import SidecarFiles
+from wsim.usd.result.kinds.instances import instancer_attribute_values
+from wsim.usd.result.samples import PrimFrame, particle_of_each_vertex, transform_may_vary
+from wsim.usd.stage import applied_schemas
 
 OP = "xformOp:transform"
 Written = list[tuple[Usd.Attribute, Any]]           # (attribute, value), not yet set
 
 
 @dataclass(frozen=True)
-class Row:
+class ResultWriter:
     """type: of the prim that is made where none is there; write(prim, sample, time code, files) -> Written."""
 
     type: str
-    write: Callable[[Usd.Prim, Any, float, Beside], Written]
+    write: Callable[[Usd.Prim, Any, float, SidecarFiles], Written]
 
 
-def taken(stage: Usd.Stage, sample: Sample, code: float, beside: Beside) -> Written:
+def sample_attribute_values(stage: Usd.Stage, sample: Sample, code: float, beside: SidecarFiles) -> Written:
     """(attribute, value) of a sample at a time code, in the units of the stage, not yet set; its file is written. Raises
     SceneError where its prim cannot take it, OSError where the disk does not."""
     row = KINDS.get(type(sample))
@@ -52,11 +62,11 @@ def taken(stage: Usd.Stage, sample: Sample, code: float, beside: Beside) -> Writ
     return row.write(prim, sample, code, beside)
 
 
-def _vectors(values: np.ndarray) -> Vt.Vec3fArray:
+def _vec3f_array(values: np.ndarray) -> Vt.Vec3fArray:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1, 3))
 
 
-def _based(prim: Usd.Prim, schema: type) -> Any:
+def _require_schema(prim: Usd.Prim, schema: type) -> Any:
     found = schema(prim)
     if not found:
         raise SceneError(Problem(str(prim.GetPath()), f"is a {prim.GetTypeName() or 'prim without type'}; the result has "
@@ -64,39 +74,41 @@ def _based(prim: Usd.Prim, schema: type) -> Any:
     return found
 
 
-def _points(prim: Usd.Prim, sample: Points, code: float, beside: Beside) -> Written:
-    base, frame = _based(prim, UsdGeom.PointBased), Frame.of(prim, code)
+def _write_point_sample(prim: Usd.Prim, sample: PointSample, code: float, beside: SidecarFiles) -> Written:
+    base, frame = _require_schema(prim, UsdGeom.PointBased), PrimFrame.of(prim, code)
     q = frame.points(np.asarray(sample.positions, np.float64).reshape(-1, 3))
-    points = _vectors(q)
+    points = _vec3f_array(q)
     found = [(base.GetPointsAttr(), points), (base.CreateExtentAttr(), UsdGeom.PointBased.ComputeExtent(points))]
     if sample.velocities is not None:
-        found.append((base.CreateVelocitiesAttr(), _vectors(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
+        found.append((base.CreateVelocitiesAttr(),
+                      _vec3f_array(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
     return found
 
 
-def _particles(prim: Usd.Prim, sample: Particles, code: float, beside: Beside) -> Written:
+def _write_particle_sample(prim: Usd.Prim, sample: ParticleSample, code: float, beside: SidecarFiles) -> Written:
     """Widths as the prim's scale leaves them: of the cube root of its volume."""
-    base, frame = _based(prim, UsdGeom.Points), Frame.of(prim, code)
+    base, frame = _require_schema(prim, UsdGeom.Points), PrimFrame.of(prim, code)
     q = frame.points(np.asarray(sample.positions, np.float64).reshape(-1, 3))
     scale = frame.unit * np.cbrt(abs(np.linalg.det(frame.L)))
     widths = Vt.FloatArray.FromNumpy(np.broadcast_to(np.asarray(sample.widths) / scale, (len(q),)).astype(np.float32))
-    points = _vectors(q)
+    points = _vec3f_array(q)
     found = [(base.GetPointsAttr(), points), (base.CreateWidthsAttr(), widths),
              (base.CreateIdsAttr(), Vt.Int64Array.FromNumpy(np.ascontiguousarray(sample.ids, np.int64))),
              (base.CreateExtentAttr(), UsdGeom.Points.ComputeExtent(points, widths))]
     if sample.velocities is not None:
-        found.append((base.CreateVelocitiesAttr(), _vectors(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
+        found.append((base.CreateVelocitiesAttr(),
+                      _vec3f_array(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
     return found
 
 
-def _transform(prim: Usd.Prim, sample: Transform, code: float, beside: Beside) -> Written:
+def _write_transform_sample(prim: Usd.Prim, sample: TransformSample, code: float, beside: SidecarFiles) -> Written:
     """The transform op of a prim whose world matrix [m] that is. Below what moves, such as another body, its stack is reset:
     between samples, USD would turn its place about that of the body above."""
     xformable = UsdGeom.Xformable(prim)
     if not xformable:
         raise SceneError(Problem(str(prim.GetPath()), "moves and is not Xformable; author it as an Xform or a shape"))
     first = not prim.GetStage().GetEditTarget().GetLayer().GetAttributeAtPath(prim.GetPath().AppendProperty(OP))
-    reset = first and (xformable.GetResetXformStack() or _carried(prim.GetParent()))
+    reset = first and (xformable.GetResetXformStack() or _may_move(prim.GetParent()))
     ops = xformable.GetOrderedXformOps()
     op = ops[0] if len(ops) == 1 and ops[0].GetOpName() == OP else xformable.MakeMatrixXform()
     if reset:
@@ -109,13 +121,13 @@ def _transform(prim: Usd.Prim, sample: Transform, code: float, beside: Beside) -
     return [(op.GetAttr(), Gf.Matrix4d(*local.T.ravel().tolist()))]
 
 
-def _carried(prim: Usd.Prim) -> bool:
+def _may_move(prim: Usd.Prim) -> bool:
     """True if a prim may move: its transform varies in time, or it is a rigid body or lies below one."""
-    return moves(prim) or any(names.RIGID_BODY in applied(prim.GetStage().GetPrimAtPath(path))
-                              for path in prim.GetPath().GetPrefixes())
+    return transform_may_vary(prim) or any(names.RIGID_BODY in applied_schemas(prim.GetStage().GetPrimAtPath(path))
+                                           for path in prim.GetPath().GetPrefixes())
 
 
-def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Written:
+def _write_quantity_sample(prim: Usd.Prim, sample: QuantitySample, code: float, beside: SidecarFiles) -> Written:
     several = np.ndim(sample.value) > 0
     kind = Sdf.ValueTypeNames.DoubleArray if several else Sdf.ValueTypeNames.Double
     attribute = prim.GetAttribute(sample.name) or prim.CreateAttribute(sample.name, kind, True)
@@ -124,32 +136,32 @@ def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Wri
     return [(attribute, Vt.DoubleArray.FromNumpy(np.ascontiguousarray(sample.value, np.float64).reshape(-1)))]
 
 
-def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Written:
-    from wsim.usd.result.kinds.volumes import volume
-    return volume(prim, sample, code, beside)
+def _write_volume_sample(prim: Usd.Prim, sample: VolumeSample, code: float, beside: SidecarFiles) -> Written:
+    from wsim.usd.result.kinds.volumes import volume_attribute_values
+    return volume_attribute_values(prim, sample, code, beside)
 
 
-def _joints(prim: Usd.Prim, sample: Joints, code: float, beside: Beside) -> Written:
-    from wsim.usd.result.kinds.joints import animated
-    return animated(prim, sample, code, beside)
+def _write_joint_sample(prim: Usd.Prim, sample: Joints, code: float, beside: SidecarFiles) -> Written:
+    from wsim.usd.result.kinds.joints import skeleton_attribute_values
+    return skeleton_attribute_values(prim, sample, code, beside)
 
 
-def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
+def _write_colour_sample(prim: Usd.Prim, sample: ColourSample, code: float, beside: SidecarFiles) -> Written:
     """The indices that a source may have for its own colours count no more."""
     primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
     if primvar.IsIndexed():
         primvar.BlockIndices()
-    particles = particles_of(prim)
-    return [(primvar.GetAttr(), _vectors(sample.values if particles is None else sample.values[particles]))]
+    particles = particle_of_each_vertex(prim)
+    return [(primvar.GetAttr(), _vec3f_array(sample.values if particles is None else sample.values[particles]))]
 
 
-KINDS: dict[type, Row] = {
-    Points: Row("Points", _points),
-    Transform: Row("Xform", _transform),
-    Instances: Row("PointInstancer", placed),
-    Joints: Row("Skeleton", _joints),
-    Particles: Row("Points", _particles),
-    Quantity: Row("", _value),
-    Volume: Row("Volume", _volume),
-    Colour: Row("Points", _colour),
+KINDS: dict[type, ResultWriter] = {
+    PointSample: ResultWriter("Points", _write_point_sample),
+    TransformSample: ResultWriter("Xform", _write_transform_sample),
+    InstanceSample: ResultWriter("PointInstancer", instancer_attribute_values),
+    Joints: ResultWriter("Skeleton", _write_joint_sample),
+    ParticleSample: ResultWriter("Points", _write_particle_sample),
+    QuantitySample: ResultWriter("", _write_quantity_sample),
+    VolumeSample: ResultWriter("Volume", _write_volume_sample),
+    ColourSample: ResultWriter("Points", _write_colour_sample),
 }

@@ -17,45 +17,45 @@ KEY = "wsim:files"              # custom data of a layer: the folder of its file
 ENDINGS = (".usdc", ".usda", ".usd")
 
 
-def referred(place: str, name: str, growing: bool = False) -> bool:
+def is_referenced_by_sibling(place: str, name: str, growing: bool = False) -> bool:
     """True if a layer in the folder `place` refers to `name`, a file or folder there (a path relative to `place`; that of a
     folder may end in /).
 
     growing    what the growing file of a run counts as: it names no files but its own, and is not read while it is written
     """
     layers = [entry.path for entry in os.scandir(place) if entry.name.endswith(ENDINGS) and entry.is_file()]
-    return any(growing if crate.growing(layer) else _refers(layer, place, name) for layer in layers)
+    return any(growing if crate.is_being_written(layer) else _layer_references_name(layer, place, name) for layer in layers)
 
 
-def _refers(layer: str, place: str, name: str) -> bool:
+def _layer_references_name(layer: str, place: str, name: str) -> bool:
     try:
         with open(layer, "rb") as file:
             if file.read(len(crate.CRATE)) != crate.CRATE:
-                return _contains(file, name.encode())
+                return _file_contains_text(file, name.encode())
         target = os.path.realpath(os.path.join(place, name))
-        found = [os.path.realpath(os.path.join(place, each)) for each in assets(layer)]
+        found = [os.path.realpath(os.path.join(place, each)) for each in layer_asset_paths(layer)]
         return any(each == target or each.startswith(target + os.sep) for each in found)
     except (Tf.ErrorException, OSError):
         return True
 
 
-def _contains(file: BinaryIO, text: bytes) -> bool:
+def _file_contains_text(file: BinaryIO, text: bytes) -> bool:
     if os.fstat(file.fileno()).st_size == 0:
         return False
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         return data.find(text) >= 0
 
 
-def assets(path: str) -> list[str]:
+def layer_asset_paths(path: str) -> list[str]:
     """Paths that a layer names: sublayers, references, clips, asset values and samples, and the folder of its files. Raises
     OSError or Tf.ErrorException where it cannot be read."""
     layer, found = Sdf.Layer.OpenAsAnonymous(path), list[str]()
     if not layer:
         raise OSError(f"{path} is no layer")
 
-    def note(name: str) -> str:
+    def note_asset_path(name: str) -> str:
         found.append(name)
         return name
 
-    UsdUtils.ModifyAssetPaths(layer, note)
+    UsdUtils.ModifyAssetPaths(layer, note_asset_path)
     return [*found, *filter(None, [str(layer.customLayerData.get(KEY, ""))])]

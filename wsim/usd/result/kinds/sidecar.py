@@ -15,18 +15,18 @@ import numpy as np
 from pxr import Sdf, Usd
 
 from wsim.scene import Problem, SceneError
-from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.beside import SidecarFiles
 
 LARGE = 4 << 20             # bytes of a prim's fields from which they have a file: less is saved sooner than a file is made
 FILE = "wsim:restart:file"
 PATH, CODE, FIELD = "path", "code", "field."
 
 
-def large(fields: Mapping[str, np.ndarray]) -> bool:
+def exceeds_layer_size(fields: Mapping[str, np.ndarray]) -> bool:
     return sum(value.nbytes for value in fields.values()) > LARGE
 
 
-def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside: Beside) -> None:
+def store_restart_file(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside: SidecarFiles) -> None:
     """Writes the fields of a prim and names the file on it. Raises OSError where it cannot be written."""
     path = str(prim.GetPath())
     arrays: dict[str, Any] = {FIELD + name: value for name, value in fields.items()}
@@ -39,14 +39,14 @@ def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside:
     prim.CreateAttribute(FILE, Sdf.ValueTypeNames.String, True).Set(name)
 
 
-def forget(prim: Usd.Prim, beside: Beside) -> None:
+def forget_restart_file(prim: Usd.Prim, beside: SidecarFiles) -> None:
     """The fields of a prim have no file any more."""
     if name := beside.restart.pop(str(prim.GetPath()), None):
         beside.old.append(name)
         prim.RemoveProperty(FILE)
 
 
-def stored(prim: Usd.Prim, code: float, folder: str) -> dict[str, np.ndarray]:
+def read_restart_file(prim: Usd.Prim, code: float, folder: str) -> dict[str, np.ndarray]:
     """Fields of a prim at a time code, of a layer in `folder`; {} where they have no file. Raises SceneError where it is
     missing, damaged, or of something else."""
     name = prim.GetAttribute(FILE).Get() if prim.HasAttribute(FILE) else None
@@ -58,14 +58,14 @@ def stored(prim: Usd.Prim, code: float, folder: str) -> dict[str, np.ndarray]:
             whose, when = str(found[PATH]), float(found[CODE])
             fields = {key.removeprefix(FIELD): found[key] for key in found.files if key.startswith(FIELD)}
     except FileNotFoundError:
-        raise _unread(path, file, "is missing") from None
+        raise _unreadable_restart_error(path, file, "is missing") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise _unread(path, file, f"is damaged ({error})") from None
+        raise _unreadable_restart_error(path, file, f"is damaged ({error})") from None
     if (whose, when) != (path, code):
-        raise _unread(path, file, f"is of {whose} at time code {when:g}, not {code:g}")
+        raise _unreadable_restart_error(path, file, f"is of {whose} at time code {when:g}, not {code:g}")
     return fields
 
 
-def _unread(path: str, file: str, why: str) -> SceneError:
+def _unreadable_restart_error(path: str, file: str, why: str) -> SceneError:
     return SceneError(Problem(path, f"its restart fields are in {file}, which {why}; put back the one that was written with "
                                     "the result, or restart from another result"))

@@ -34,7 +34,7 @@ CLASSES = ("fog volume", "staggered", "level set", "unknown")
 
 
 @dataclass(frozen=True)
-class Grid:
+class VdbGrid:
     """name; values (nx, ny, nz) or (nx, ny, nz, 3), float32, or float16 to be stored as such; place (3,) of the centre of the
     first voxel and voxel (3,) the edges of one, in the units of the file; first (3,) index of the first voxel; kind: one of
     `CLASSES`; metadata: more of it, texts."""
@@ -52,12 +52,12 @@ class Grid:
         return 1 if self.values.ndim == 3 else self.values.shape[3]
 
 
-def write(file: BinaryIO, grids: Sequence[Grid]) -> None:
+def write_vdb(file: BinaryIO, grids: Sequence[VdbGrid]) -> None:
     """Writes grids into an open file. Raises ValueError for one that no such tree can hold."""
     parts: list[bytes] = []
     at = 8 + 4 + 8 + 1 + 36 + 4 + 4              # of the first grid: behind magic, version, library, flag, identity, counts
     for grid in grids:
-        found = _grid(grid, at)
+        found = _encode_vdb_grid(grid, at)
         parts += found
         at += sum(map(len, found))
     digest = hashlib.blake2b(digest_size=16)
@@ -69,23 +69,24 @@ def write(file: BinaryIO, grids: Sequence[Grid]) -> None:
         file.write(part)
 
 
-def _grid(grid: Grid, at: int) -> list[bytes]:
+def _encode_vdb_grid(grid: VdbGrid, at: int) -> list[bytes]:
     """Bytes of a grid that stands at an offset in the file."""
-    _check(grid)
-    leaves, places = _leaves(grid)
-    head = _text(grid.name) + _text(TYPES[grid.components] + HALF * (grid.values.dtype == np.float16)) + _text("")
+    _check_vdb_grid(grid)
+    leaves, places = _active_leaves(grid)
+    head = _encode_vdb_text(grid.name) + _encode_vdb_text(TYPES[grid.components] + HALF
+                                                          * (grid.values.dtype == np.float16)) + _encode_vdb_text("")
     active = (leaves != 0).reshape(len(leaves), 512, grid.components).any(2)
     masks = np.packbits(active, axis=1, bitorder="little")
-    order, lowers = _nodes(places)
+    order, lowers = _group_leaves_by_node(places)
     leaves, active, masks = leaves[order], active[order], masks[order]
-    info = struct.pack("<I", ACTIVE_MASK) + _metadata(grid, active, places[order]) + _transform(grid)
-    tree, values = _tree(grid, lowers, masks), _values(leaves, active, masks)
+    info = struct.pack("<I", ACTIVE_MASK) + _encode_vdb_metadata(grid, active, places[order]) + _encode_vdb_transform(grid)
+    tree, values = _encode_vdb_tree(grid, lowers, masks), _encode_leaf_values(leaves, active, masks)
     begin = at + len(head) + 24
     block = begin + len(info) + sum(map(len, tree))
     return [head, struct.pack("<qqq", begin, block, block + len(values)), info, *tree, values]
 
 
-def _check(grid: Grid) -> None:
+def _check_vdb_grid(grid: VdbGrid) -> None:
     wrong = None
     if grid.values.ndim not in (3, 4) or grid.components not in TYPES or 0 in grid.values.shape:
         wrong = f"has values of shape {grid.values.shape}; allowed are (nx, ny, nz) and (nx, ny, nz, 3)"
@@ -99,7 +100,7 @@ def _check(grid: Grid) -> None:
         raise ValueError(f"grid {grid.name} {wrong}")
 
 
-def _leaves(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+def _active_leaves(grid: VdbGrid) -> tuple[np.ndarray, np.ndarray]:
     """Values (leaves, 512 components) of leaves with an active voxel, and their places (leaves, 3) in leaves."""
     shape, c = np.array(grid.values.shape[:3]), grid.components
     blocks = (shape + 7) // 8
@@ -111,37 +112,37 @@ def _leaves(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(cut[tuple(used.T)]).reshape(len(used), 512 * c), used
 
 
-def _nodes(places: np.ndarray) -> tuple[np.ndarray, list[tuple[int, np.ndarray]]]:
+def _group_leaves_by_node(places: np.ndarray) -> tuple[np.ndarray, list[tuple[int, np.ndarray]]]:
     """Order of leaves by lower node and place in it; (place of the lower node, places of its leaves) in that order."""
-    def offset(ijk: np.ndarray, log: int) -> np.ndarray:
+    def tree_node_offset(ijk: np.ndarray, log: int) -> np.ndarray:
         return (ijk[:, 0] << 2 * log) + (ijk[:, 1] << log) + ijk[:, 2]
 
-    node, leaf = offset(places >> LOWER, UPPER), offset(places & 15, LOWER)
+    node, leaf = tree_node_offset(places >> LOWER, UPPER), tree_node_offset(places & 15, LOWER)
     order = np.lexsort((leaf, node))
     found, begin = np.unique(node[order], return_index=True)
     return order, [(int(k), own) for k, own in zip(found, np.split(leaf[order], begin[1:]), strict=False)]
 
 
-def _bits(places, log: int) -> bytes:
+def _encode_child_mask(places, log: int) -> bytes:
     mask = np.zeros(1 << 3 * log, bool)
     mask[places] = True
     return np.packbits(mask, bitorder="little").tobytes()
 
 
-def _tree(grid: Grid, lowers: list, masks: np.ndarray) -> list[bytes]:
+def _encode_vdb_tree(grid: VdbGrid, lowers: list, masks: np.ndarray) -> list[bytes]:
     """Masks of all nodes. A node: that of its children, of its tiles (none), and 0: all tiles are the background."""
     c = grid.components
     parts = [struct.pack("<i", 1), np.zeros(c, np.float32).tobytes(), struct.pack("<II", 0, int(bool(lowers)))]
     if lowers:
-        parts += [struct.pack("<iii", 0, 0, 0), _bits([k for k, _ in lowers], UPPER), bytes(4096), b"\0"]
+        parts += [struct.pack("<iii", 0, 0, 0), _encode_child_mask([k for k, _ in lowers], UPPER), bytes(4096), b"\0"]
     done = 0
     for _, own in lowers:
-        parts += [_bits(own, LOWER), bytes(512), b"\0", masks[done:done + len(own)].tobytes()]
+        parts += [_encode_child_mask(own, LOWER), bytes(512), b"\0", masks[done:done + len(own)].tobytes()]
         done += len(own)
     return parts
 
 
-def _values(leaves: np.ndarray, active: np.ndarray, masks: np.ndarray) -> bytes:
+def _encode_leaf_values(leaves: np.ndarray, active: np.ndarray, masks: np.ndarray) -> bytes:
     """Of each leaf its mask, 0 (inactive values are the background), and the active values."""
     if not len(leaves):
         return b""
@@ -155,29 +156,30 @@ def _values(leaves: np.ndarray, active: np.ndarray, masks: np.ndarray) -> bytes:
     return rows[keep].tobytes()
 
 
-def _text(text: str) -> bytes:
+def _encode_vdb_text(text: str) -> bytes:
     data = text.encode()
     return struct.pack("<I", len(data)) + data
 
 
-def _metadata(grid: Grid, active: np.ndarray, places: np.ndarray) -> bytes:
+def _encode_vdb_metadata(grid: VdbGrid, active: np.ndarray, places: np.ndarray) -> bytes:
     low, high = np.zeros(3, int), np.zeros(3, int)
     for axis in range(3) if len(places) else ():
         used = active.reshape(-1, 8, 8, 8).any(axis=tuple(a + 1 for a in range(3) if a != axis))
         index = (8 * places[:, axis, None] + np.arange(8))[used]
         low[axis], high[axis] = index.min(), index.max()
     texts = {"class": grid.kind, "name": grid.name, "file_compression": "active values"} | dict(grid.metadata)
-    found = [_text(name) + _text("string") + _text(value) for name, value in texts.items()]
-    found += [_text(f"file_bbox_{end}") + _text("vec3i") + struct.pack("<Iiii", 12, *(int(v) for v in corner))
+    found = [_encode_vdb_text(name) + _encode_vdb_text("string") + _encode_vdb_text(value) for name, value in texts.items()]
+    found += [_encode_vdb_text(f"file_bbox_{end}") + _encode_vdb_text("vec3i") + struct.pack("<Iiii", 12,
+                                                                                             *(int(v) for v in corner))
               for end, corner in (("min", low), ("max", high))]
-    found.append(_text("file_voxel_count") + _text("int64") + struct.pack("<Iq", 8, int(active.sum())))
+    found.append(_encode_vdb_text("file_voxel_count") + _encode_vdb_text("int64") + struct.pack("<Iq", 8, int(active.sum())))
     if grid.values.dtype == np.float16:
-        found.append(_text("is_saved_as_half_float") + _text("bool") + struct.pack("<I?", 1, True))
+        found.append(_encode_vdb_text("is_saved_as_half_float") + _encode_vdb_text("bool") + struct.pack("<I?", 1, True))
     return struct.pack("<I", len(found)) + b"".join(found)
 
 
-def _transform(grid: Grid) -> bytes:
+def _encode_vdb_transform(grid: VdbGrid) -> bytes:
     """Index i stands at place + voxel i. The map keeps what it derives from its scale too."""
     s = np.array(grid.voxel, np.float64)
     rows = [np.array(grid.place, np.float64), s, np.abs(s), 1.0 / s, 1.0 / (s * s), 0.5 / s]
-    return _text(UNIFORM if s[0] == s[1] == s[2] else SCALED) + np.concatenate(rows).astype("<f8").tobytes()
+    return _encode_vdb_text(UNIFORM if s[0] == s[1] == s[2] else SCALED) + np.concatenate(rows).astype("<f8").tobytes()

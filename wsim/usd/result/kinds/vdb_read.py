@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from wsim.usd.result.kinds.vdb import ACTIVE_MASK, HALF, LOWER, MAGIC, TYPES, UPPER, Grid
+from wsim.usd.result.kinds.vdb import ACTIVE_MASK, HALF, LOWER, MAGIC, TYPES, UPPER, VdbGrid
 
 ZIP, BLOSC = 1, 4
 OLDEST, NEWEST = 222, 225                        # file versions
@@ -21,19 +21,19 @@ MAPS = {"UniformScaleTranslateMap": 18, "ScaleTranslateMap": 18, "UniformScaleMa
 MOST_BYTES = 4 << 30                             # of a dense grid
 
 
-def read(path, names: tuple[str, ...] | None = None) -> dict[str, Grid]:
+def read_vdb(path, names: tuple[str, ...] | None = None) -> dict[str, VdbGrid]:
     """Grids of a file by name: all, or those of `names` alone. Values have the shape of the box of what the tree holds, `first`
     is its lowest index. Raises ValueError for a file that is none, is cut, or holds what is not read; OSError."""
     with open(path, "rb") as file:
         try:
-            return _Reader(file).grids(names)
+            return _VdbReader(file).grids(names)
         except (struct.error, zlib.error, EOFError, UnicodeDecodeError, OverflowError, MemoryError) as error:
             raise ValueError(f"{path} is no whole OpenVDB file ({error or type(error).__name__})") from None
         except ValueError as error:
             raise ValueError(f"{path} {error}") from None
 
 
-class _Reader:
+class _VdbReader:
     def __init__(self, file: BinaryIO):
         self.file, self.flags, self.half, self.components = file, 0, False, 1
         self.background = np.zeros(1, np.float32)
@@ -51,7 +51,7 @@ class _Reader:
     def text(self) -> str:
         return self.bytes(self.take("<I")).decode()
 
-    def grids(self, names) -> dict[str, Grid]:
+    def grids(self, names) -> dict[str, VdbGrid]:
         if self.take("<q") != MAGIC:
             raise ValueError("is no OpenVDB file")
         version = self.take("<I")
@@ -81,7 +81,7 @@ class _Reader:
             found[name] = struct.unpack(NUMBERS[kind], data)[0] if kind in NUMBERS else text
         return found
 
-    def grid(self, name: str, kind: str) -> Grid:
+    def grid(self, name: str, kind: str) -> VdbGrid:
         self.half, kind = kind.endswith(HALF), kind.removesuffix(HALF)
         if kind not in TYPES.values():
             raise ValueError(f"has the grid {name} of type {kind}; read are {', '.join(TYPES.values())}")
@@ -93,7 +93,7 @@ class _Reader:
         place, voxel = self.transform(name)
         values, first = self.tree(name)
         texts = {key: value for key, value in said.items() if isinstance(value, str) and key not in ("class", "name")}
-        return Grid(name, values, place, voxel, first, str(said.get("class", "unknown")), texts)
+        return VdbGrid(name, values, place, voxel, first, str(said.get("class", "unknown")), texts)
 
     def transform(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         kind = self.text()

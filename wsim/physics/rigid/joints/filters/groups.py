@@ -16,12 +16,12 @@ from typing import ClassVar
 import numpy as np
 
 from wsim.scene import Problem, Scene
-from wsim.scene.bodies import Compared
-from wsim.scene.check.objects import warning
+from wsim.scene.bodies import ArrayDataclass
+from wsim.scene.check.objects import object_warning
 
 
 @dataclass(eq=False)
-class Group(Compared):
+class Group(ArrayDataclass):
     """A collision group.
 
     path       prim path
@@ -39,7 +39,7 @@ class Group(Compared):
 
 
 @dataclass(eq=False)
-class FilteredPairs(Compared):
+class FilteredPairs(ArrayDataclass):
     """A body, collider or group that does not touch others (USD: PhysicsFilteredPairsAPI).
 
     path       its prim path
@@ -52,21 +52,21 @@ class FilteredPairs(Compared):
     others: list[str] = field(default_factory=list)
 
 
-def check(thing: Group | FilteredPairs, scene: Scene) -> Iterator[Problem]:
-    known = {*_paths(scene), *(group.path for group in scene.things("Group"))}
+def check_collision_filters(thing: Group | FilteredPairs, scene: Scene) -> Iterator[Problem]:
+    known = {*_colliding_prim_paths(scene), *(group.path for group in scene.things("Group"))}
     if isinstance(thing, FilteredPairs):
         lost = [p for p in thing.others if not any(k == p or k.startswith(p + "/") for k in known)]
         if lost:
-            yield warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides",
-                          "bodies, colliders or groups", "name others, or take it out")
+            yield object_warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides",
+                                 "bodies, colliders or groups", "name others, or take it out")
         return
     lost = [p for p in thing.filtered if p not in {group.path for group in scene.things("Group")}]
     if lost:
-        yield warning(thing.path, f"filters {', '.join(lost)}, which is no collision group", "groups of the scene",
-                      "name others, or take it out")
+        yield object_warning(thing.path, f"filters {', '.join(lost)}, which is no collision group", "groups of the scene",
+                             "name others, or take it out")
 
 
-def _paths(scene: Scene) -> list[str]:
+def _colliding_prim_paths(scene: Scene) -> list[str]:
     return [c.path for c in scene.colliders] + [c.path for body in scene.things("Body") for c in body.colliders]
 
 
@@ -74,7 +74,7 @@ def at_or_below(path: str, above: str) -> bool:
     return path == above or path.startswith(above + "/")
 
 
-def apart(scene: Scene) -> np.ndarray:
+def filtered_group_table(scene: Scene) -> np.ndarray:
     """Symmetric table (groups, groups): those that do not touch each other; merged ones are alike."""
     groups: list[Group] = scene.things("Group")
     name = {g.path: g.merge or g.path for g in groups}
@@ -93,7 +93,7 @@ def apart(scene: Scene) -> np.ndarray:
 
 
 @dataclass
-class Filters:
+class CollisionFilters:
     """kind: of each shape, (shapes,); table: kinds that do not touch, (kinds, kinds); first, parted: shapes that a shape does
     not touch besides, as lists behind each other."""
 
@@ -109,37 +109,38 @@ class Filters:
         return {name: value.astype(np.int32) for name, value in found.items()}
 
 
-def of_contacts(scene: Scene, owned: list[tuple[str, int, str]]) -> Filters | None:
+def contact_filters(scene: Scene, owned: list[tuple[str, int, str]]) -> CollisionFilters | None:
     """Filters of shapes of bodies (path of the body, world, path of the collider), then of the colliders that stand."""
-    from wsim.physics.rigid.solids import standing
-    still = [(c.path, -1) for c in standing(scene.colliders)]
-    return filters(scene, [(path, world) for _, world, path in owned] + still, [body for body, *_ in owned] + [""] * len(still))
+    from wsim.physics.rigid.solids import scene_contact_colliders
+    still = [(c.path, -1) for c in scene_contact_colliders(scene.colliders)]
+    return collision_filters(scene, [(path, world) for _, world, path in owned] + still,
+                             [body for body, *_ in owned] + [""] * len(still))
 
 
-def filters(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Filters | None:
+def collision_filters(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> CollisionFilters | None:
     """Filters of shapes (path of the collider, world or -1) and the path of the body of each, "" for none. None where all
     touch."""
-    kind, table = _kinds(scene, [path for path, _ in shapes])
-    pairs = {(i, j) for i, j in _pairs(scene, shapes, frames) if i != j}
+    kind, table = _filter_kinds(scene, [path for path, _ in shapes])
+    pairs = {(i, j) for i, j in _filtered_shape_pairs(scene, shapes, frames) if i != j}
     pairs |= {(j, i) for i, j in pairs}
     if not table.any() and not pairs:
         return None
     listed = np.array(sorted(pairs), int).reshape(-1, 2)
     first = np.searchsorted(listed[:, 0], np.arange(len(shapes) + 1))
-    return Filters(kind, table, first, listed[:, 1])
+    return CollisionFilters(kind, table, first, listed[:, 1])
 
 
-def _kinds(scene: Scene, paths: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _filter_kinds(scene: Scene, paths: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Shapes that are in the same groups are of a kind."""
     groups: list[Group] = scene.things("Group")
-    between = apart(scene)
+    between = filtered_group_table(scene)
     of = [frozenset(k for k, g in enumerate(groups) if any(at_or_below(p, m) for m in g.members)) for p in paths]
     kinds = sorted(set(of), key=sorted)
     table = np.array([[any(between[a, b] for a in one for b in other) for other in kinds] for one in kinds], bool)
     return np.array([kinds.index(each) for each in of], int), table.reshape(len(kinds), len(kinds))
 
 
-def _pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Iterator[tuple[int, int]]:
+def _filtered_shape_pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Iterator[tuple[int, int]]:
     members = {g.path: g.members for g in scene.things("Group")}
     at: dict[str, list[int]] = {}
     for k, (path, _) in enumerate(shapes):
@@ -150,13 +151,13 @@ def _pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> It
     for k, frame in enumerate(frames):
         body.setdefault(frame, []).append(k)
 
-    def below(path: str) -> list[int]:
+    def shapes_below(path: str) -> list[int]:
         return [k for each in members.get(path, [path]) for k in body.get(each, at.get(each, []))]
-    wanted = [(below(p.path), below(other)) for p in scene.things("FilteredPairs") for other in p.others]
+    wanted = [(shapes_below(p.path), shapes_below(other)) for p in scene.things("FilteredPairs") for other in p.others]
     for joint in scene.things("Joint"):
         if joint.enabled and not joint.collides:
             fixed = [] if at_or_below(joint.body0 or joint.body1, joint.still) else \
-                [k for k in below(joint.still) if not frames[k]]
+                [k for k in shapes_below(joint.still) if not frames[k]]
             sides = [body.get(b, []) if b else fixed for b in (joint.body0, joint.body1)]
             wanted.append((sides[0], sides[1]))
     for one, other in wanted:

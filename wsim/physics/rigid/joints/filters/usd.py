@@ -3,43 +3,43 @@
 from pxr import Sdf, Usd, UsdPhysics
 
 from wsim.physics.rigid.joints.filters.groups import FilteredPairs, Group
-from wsim.physics.rigid.joints.moving import simulated
+from wsim.physics.rigid.joints.moving import moves_by_forces
 from wsim.usd import names
-from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
 COLLIDERS = "colliders"
 
 
-def used(reading: Reading) -> bool:
+def filters_matter(reading: StageReading) -> bool:
     """True if there are bodies that filters are for."""
     prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    return any(names.RIGID_BODY in applied(p) and simulated(reading, p) for p in prims)
+    return any(names.RIGID_BODY in applied_schemas(p) and moves_by_forces(reading, p) for p in prims)
 
 
-def load_group(reading: Reading, prim: Usd.Prim) -> Group | None:
+def load_group(reading: StageReading, prim: Usd.Prim) -> Group | None:
     path, group = str(prim.GetPath()), UsdPhysics.CollisionGroup(prim)
-    if not used(reading):
+    if not filters_matter(reading):
         reading.warn(path, f"{names.COLLISION_GROUP} is not used yet: every collider acts on every body")
         return None
     query = Usd.CollectionAPI(prim, COLLIDERS).ComputeMembershipQuery()
     prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    members = [str(p.GetPath()) for p in prims if names.COLLISION in applied(p) and query.IsPathIncluded(p.GetPath())]
+    members = [str(p.GetPath()) for p in prims if names.COLLISION in applied_schemas(p) and query.IsPathIncluded(p.GetPath())]
     return Group(path, members, [str(p) for p in group.GetFilteredGroupsRel().GetTargets()],
                  str(group.GetMergeGroupNameAttr().Get(reading.start) or ""),
                  bool(group.GetInvertFilteredGroupsAttr().Get(reading.start)))
 
 
-def load_pairs(reading: Reading, prim: Usd.Prim) -> FilteredPairs | None:
+def load_pairs(reading: StageReading, prim: Usd.Prim) -> FilteredPairs | None:
     targets = prim.GetRelationship(names.FILTERED).GetTargets()
     if not targets:
         return None
-    if not used(reading):
+    if not filters_matter(reading):
         reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
         return None
     return FilteredPairs(str(prim.GetPath()), [str(p) for p in targets])
 
 
-def author(stage: Usd.Stage, thing: Group | FilteredPairs, units: Units) -> None:
+def author(stage: Usd.Stage, thing: Group | FilteredPairs, units: StageUnits) -> None:
     if isinstance(thing, FilteredPairs):
         prim = stage.GetPrimAtPath(thing.path) or stage.DefinePrim(thing.path, "Scope")
         api = UsdPhysics.FilteredPairsAPI.Apply(prim)

@@ -7,54 +7,54 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.moving import simulated
+from wsim.physics.rigid.joints.moving import moves_by_forces
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Surface
 from wsim.scene.curve import Motion
 from wsim.usd import names
-from wsim.usd.result.kinds.instances import orientations
-from wsim.usd.stage import Reading, applied
-from wsim.usd.transforms import placement, split
+from wsim.usd.result.kinds.instances import instancer_orientations
+from wsim.usd.stage import StageReading, applied_schemas
+from wsim.usd.transforms import read_placement, split_rotation_scale
 
 SAME = 1e-5                  # of a scale, from axis to axis
 UNIT = 1e-2                  # departure of |q| from 1 that quath keeps, tenfold
 
 
-def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
+def load(reading: StageReading, prim: Usd.Prim, body_of) -> list[Body]:
     """body_of(reading, prim) -> Body of a prototype as it stands."""
     instancer, path = UsdGeom.PointInstancer(prim), str(prim.GetPath())
     prototypes = [reading.stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
-    if not any(p and _bodies(p) for p in prototypes):
+    if not any(p and _rigid_bodies_below(p) for p in prototypes):
         reading.warn(path, "is a PointInstancer: its prototypes take no part")
         return []
-    inner = [str(b.GetPath()) for p in prototypes if p for b in _bodies(p) if b != p]
+    inner = [str(b.GetPath()) for p in prototypes if p for b in _rigid_bodies_below(p) if b != p]
     if inner or prim.IsInstanceProxy():
         reading.fail(path, f"has the rigid body {inner[0]} within a prototype; author PhysicsRigidBodyAPI on the prototype"
                      if inner else "is a PointInstancer of bodies in an instance; author instanceable = false on the instance")
         return []
-    if wrong := list(faults(instancer, reading.start)):
+    if wrong := list(instancer_array_faults(instancer, reading.start)):
         for text in wrong:
             reading.fail(path, text)
         return []
     if not instancer.GetPositionsAttr().Get(reading.start):
         reading.warn(path, "has no instances: its prototypes are not simulated; author positions and protoIndices")
         return []
-    if len(placement(reading, prim).times) > 1 or instancer.GetPositionsAttr().ValueMightBeTimeVarying():
+    if len(read_placement(reading, prim).times) > 1 or instancer.GetPositionsAttr().ValueMightBeTimeVarying():
         reading.warn(path, "is animated and has dynamic rigid bodies: they start where it does and then move by forces")
     found: list[Body | None] = []
     made: dict = {}
-    for k, (index, M) in enumerate(_placed(reading, instancer, prototypes)):
+    for k, (index, M) in enumerate(_instance_placements(reading, instancer, prototypes)):
         proto = prototypes[index] if 0 <= index < len(prototypes) else None
-        if M is None or not proto or names.RIGID_BODY not in applied(proto) or not simulated(reading, proto):
+        if M is None or not proto or names.RIGID_BODY not in applied_schemas(proto) or not moves_by_forces(reading, proto):
             continue
         if index not in made:
             made[index] = body_of(reading, proto)
         if made[index] is not None:
-            found.append(_instance(reading, prim, proto, made[index], k, M))
+            found.append(_make_instance_body(reading, prim, proto, made[index], k, M))
     return [body for body in found if body is not None]
 
 
-def faults(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode) -> Iterator[str]:
+def instancer_array_faults(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode) -> Iterator[str]:
     """What is wrong with the arrays of an instancer: how many numbers there are, what they name, and that they are numbers."""
     arrays = {name: np.array(value if (value := getattr(instancer, f"Get{name}Attr")().Get(start)) is not None else [], kind)
               for name, kind in (("ProtoIndices", np.int64), ("Positions", np.float64), ("Scales", np.float64),
@@ -81,10 +81,10 @@ def faults(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode) -> Iterator[s
     twice, counts = np.unique(ids, return_counts=True)
     if (counts > 1).any():
         yield f"ids has {twice[counts > 1][0]} {counts[counts > 1][0]} times; allowed is each once: author other ids"
-    yield from _orientations(instancer, start, count)
+    yield from _check_instance_orientations(instancer, start, count)
 
 
-def _orientations(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode, count: int) -> Iterator[str]:
+def _check_instance_orientations(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode, count: int) -> Iterator[str]:
     for attribute in (instancer.GetOrientationsfAttr(), instancer.GetOrientationsAttr()):
         values = attribute.Get(start) if attribute else None
         if not values:
@@ -100,17 +100,18 @@ def _orientations(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode, count:
         return
 
 
-def _bodies(prim: Usd.Prim) -> list[Usd.Prim]:
-    return [p for p in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()) if names.RIGID_BODY in applied(p)]
+def _rigid_bodies_below(prim: Usd.Prim) -> list[Usd.Prim]:
+    return [p for p in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()) if names.RIGID_BODY in applied_schemas(p)]
 
 
-def _placed(reading: Reading, instancer: UsdGeom.PointInstancer, prototypes: list) -> list[tuple[int, np.ndarray | None]]:
+def _instance_placements(reading: StageReading, instancer: UsdGeom.PointInstancer,
+                         prototypes: list) -> list[tuple[int, np.ndarray | None]]:
     """(prototype, frame of the prototype's contents to world [m], None where it is masked) of each instance. Orientations of
     half precision are made unit ones, which USD leaves as they are."""
     start = reading.start
     indices, places = list(instancer.GetProtoIndicesAttr().Get(start) or []), instancer.GetPositionsAttr().Get(start) or []
     n, scales = len(places), instancer.GetScalesAttr().Get(start)
-    turns = rotation.matrix(orientations(instancer, start, n))
+    turns = rotation.quaternion_to_matrix(instancer_orientations(instancer, start, n))
     sizes = np.array(scales, np.float64) if scales and len(scales) == n else np.ones((n, 3))
     mask = list(instancer.ComputeMaskAtTime(start)) or [True] * n
     W = np.array(UsdGeom.XformCache(start).GetLocalToWorldTransform(instancer.GetPrim())).T
@@ -125,10 +126,11 @@ def _placed(reading: Reading, instancer: UsdGeom.PointInstancer, prototypes: lis
     return found
 
 
-def _instance(reading: Reading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: int, M: np.ndarray) -> Body | None:
+def _make_instance_body(reading: StageReading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: int,
+                        M: np.ndarray) -> Body | None:
     path = str(prim.GetPath())
     try:
-        R, S = split(M[:3, :3])
+        R, S = split_rotation_scale(M[:3, :3])
     except ValueError as error:
         reading.fail(path, f"instance {k}: {error}")
         return None
@@ -143,35 +145,35 @@ def _instance(reading: Reading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: 
     S, frame = size * own, M.copy()
     frame[:3, :3] = R
     name = f"{path}/{proto.GetName()}_{k}"
-    velocity, spin = _rates(reading, prim, k)
+    velocity, spin = _instance_velocity(reading, prim, k)
     made = replace(body, path=name, motion=Motion.still(frame), instancer=path, instance=k, velocity=velocity, spin=spin,
                    stretch=None if np.array_equal(S, np.eye(3)) else S)
     if size != 1.0:
         given = UsdPhysics.MassAPI(proto).GetMassAttr().Get(reading.start) if proto.HasAPI(UsdPhysics.MassAPI) else 0.0
-        made = _scaled(made, size, not given)
+        made = _scale_body(made, size, not given)
     made.colliders = [replace(c, path=name + c.path[len(str(proto.GetPath())):]) for c in made.colliders]
     return made
 
 
-def _rates(reading: Reading, prim: Usd.Prim, k: int) -> tuple[np.ndarray, np.ndarray]:
+def _instance_velocity(reading: StageReading, prim: Usd.Prim, k: int) -> tuple[np.ndarray, np.ndarray]:
     """World velocity [m/s] and spin [rad/s] of an instance, from the instancer's own."""
     instancer, start = UsdGeom.PointInstancer(prim), reading.start
     W = np.array(UsdGeom.XformCache(start).GetLocalToWorldTransform(prim)).T[:3, :3]
     v, w = (np.array(values[k], np.float64) if (values := a.Get(start)) and len(values) > k else np.zeros(3)
             for a in (instancer.GetVelocitiesAttr(), instancer.GetAngularVelocitiesAttr()))
-    return W @ v * reading.units.metres, split(W)[0] @ np.radians(w)
+    return W @ v * reading.units.metres, split_rotation_scale(W)[0] @ np.radians(w)
 
 
-def _scaled(body: Body, s: float, dense: bool) -> Body:
+def _scale_body(body: Body, s: float, dense: bool) -> Body:
     """A body of s times the size: dense, of the same density, else of the same mass."""
     m = s**3 if dense else 1.0
-    shapes = [replace(c, shape=_larger(c.shape, s), motion=_apart(c.motion, s)) for c in body.colliders]
+    shapes = [replace(c, shape=_scale_shape(c.shape, s), motion=_scale_motion_distance(c.motion, s)) for c in body.colliders]
     return replace(body, colliders=shapes, mass=None if body.mass is None else body.mass * m,
                    center=None if body.center is None else body.center * s,
                    inertia=None if body.inertia is None else body.inertia * m * s * s)
 
 
-def _apart(motion: Motion, s: float) -> Motion:
+def _scale_motion_distance(motion: Motion, s: float) -> Motion:
     if not motion.plain:
         from wsim.scene.curve import Stack
         return Stack([np.diag([s, s, s, 1.0]), motion, np.diag([1.0 / s, 1.0 / s, 1.0 / s, 1.0])])
@@ -180,7 +182,7 @@ def _apart(motion: Motion, s: float) -> Motion:
     return Motion(motion.times, values)
 
 
-def _larger(shape, s: float):
+def _scale_shape(shape, s: float):
     """A shape of s times the size."""
     if isinstance(shape, Surface):
         poses = None if shape.poses is None else shape.poses.scaled(s)

@@ -1,0 +1,68 @@
+"""The struct of the table of colliders, one row each, which all methods fill alike (`wsim.physics.contact.collider.rows`), and
+the way into a row's frame. What is asked of it: at any time of a frame kernels/contact/collider/table.py; at its moments, which
+are the ends of substeps, kernels/contact/search.py and kernels/rods/contact.py.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+
+
+@cache
+def collider_type(real):
+    """Struct of the table. Places count from an origin that its owner chooses."""
+    t = types(real)
+
+    @wp.struct
+    class Colliders:
+        kind: wp.array(dtype=int)             # number in kernels/contact/collide.py, (rows,)
+        size: wp.array(dtype=t.vec3)          # [m], see kernels/contact/collider/shape.py; meshes: greatest depth inside
+        mesh: wp.array(dtype=wp.uint64)       # of a surface; of strands one of each moment, (moments rows,)
+        thick: wp.array(dtype=real)           # distance that it keeps all around [m]
+        friction: wp.array(dtype=t.vec2)      # static, dynamic [1]
+        restitution: wp.array(dtype=real)     # [1]
+        owner: wp.array(dtype=int)            # number of the rigid body that it is a part of; -1: none
+        pose: wp.array2d(dtype=t.transform)   # at moments of the frame, of which the first is its start, (moments, rows)
+        step: wp.array2d(dtype=t.transform)   # translation and turn from each moment to the next; where there are several
+        speed: wp.array(dtype=t.vec3)         # [m/s] from the first moment on; this and below where times between are asked for
+        spin: wp.array(dtype=t.vec3)          # [rad/s]
+        screw: int                            # 1: they go by screws
+
+    return Colliders
+
+
+@wp.func
+def into_pose_frame(T: Any, x: Any):
+    """A place in the frame of a pose."""
+    return wp.quat_rotate_inv(wp.transform_get_rotation(T), x - wp.transform_get_translation(T))
+
+
+@cache
+def collider_frame_funcs(real):
+    """(inside, outside), functions that lead into the frame of a collider that goes from T0 to T1, and back.
+
+    inside  (T0, T1, x, d) -> (q0, q1), a point that moves by d
+    outside (T0, T1, step, m, p, slip) -> (n, way), a normal, and how far the surface moves that is touched at p. With
+            y = R0 p and the turn (v, w) of the step, (R - 1) y = 2 w (v x y) + 2 v x (v x y), without cancellation."""
+    t = types(real)
+
+    @wp.func
+    def path_in_collider_frame(T0: t.transform, T1: t.transform, x: t.vec3, d: t.vec3):
+        q0 = into_pose_frame(T0, x)
+        q1 = wp.quat_rotate_inv(wp.transform_get_rotation(T1), (x - wp.transform_get_translation(T1)) + d)
+        return q0, q1
+
+    @wp.func
+    def contact_in_world(T0: t.transform, T1: t.transform, step: t.transform, m: t.vec3, p: t.vec3, slip: t.vec3):
+        R1 = wp.transform_get_rotation(T1)
+        y = wp.quat_rotate(wp.transform_get_rotation(T0), p)
+        turn = wp.transform_get_rotation(step)
+        v = t.vec3(turn[0], turn[1], turn[2])
+        across = wp.cross(v, y)
+        rigid = real(2.0) * (turn[3] * across + wp.cross(v, across)) + wp.transform_get_translation(step)
+        return wp.quat_rotate(R1, m), rigid + wp.quat_rotate(R1, slip)
+
+    return path_in_collider_frame, contact_in_world

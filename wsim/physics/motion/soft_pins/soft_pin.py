@@ -1,0 +1,26 @@
+"""Soft pins within a Newton step (`wsim.physics.solver.newton`). Equations: kernels/motion/soft_pins/soft_pin.py."""
+
+import numpy as np
+
+from wsim.geometry import topology
+from wsim.kernels.motion.soft_pins.soft_pin import pin_stiffness_kernel
+from wsim.model.stage import Clock
+from wsim.physics.solver.assembly import Assembly, Term
+
+
+class NewtonSoftPins(Term):
+    """first, item: of each point that a pin pulls, which ones do; none is there without."""
+
+    def __init__(self, assembly: Assembly, pins):
+        """pins: `wsim.physics.motion.pins.Pins`."""
+        self.assembly, self.pins, model = assembly, pins, assembly.model
+        self.kernel = pin_stiffness_kernel(model.real, model.module)
+        first, item = topology.incident_rows(pins.place["soft"].numpy()[:, None], model.points)
+        self.first, self.item = (model.upload(values.astype(np.int32), int) for values in (np.unique(first), item))
+
+    def prepare(self, clock: Clock) -> None:
+        """Their part of own and b."""
+        m = self.assembly
+        m.model.launch(self.kernel, self.first.size - 1,
+                       [self.pins.soft, self.pins.target["soft"], m.state.x, m.points.anchor, clock.k, 1.0 / clock.g],
+                       [m.A, m.b])
