@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
+from wsim.scene.bodies import ArrayDataclass, contiguous_array, demand_kind, real_array
 from wsim.scene.curve import Curve, Motion
 
 
@@ -37,6 +37,7 @@ class Pin(ArrayDataclass):
     follows: Any = None
 
     def __post_init__(self):
+        demand_kind(self.path, "motion", self.motion, Motion, "Motion.through(times, places)")
         self.points = contiguous_array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
         self.places = real_array(self.places, -1, 3)
 

@@ -14,10 +14,11 @@ CLOTH_MODELS = ("membrane", "springs")
 
 def contiguous_array(value, dtype, *shape):
     """value as a contiguous array of that dtype and shape (-1: any); None stays None. Raises ValueError where numbers of
-    points are none: a mask, fractions."""
+    points are none (a mask, fractions), and as `demand_rows` does."""
     if value is None:
         return None
     given = np.asarray(value)
+    demand_rows(given, shape)
     if dtype is np.int32 and given.dtype == bool:
         raise ValueError("found a mask where numbers of points or the like belong; give numpy.flatnonzero(mask)")
     if dtype is np.int32 and given.dtype.kind == "f" and (parts := given[given % 1 != 0]).size:
@@ -33,13 +34,20 @@ def real_array(value, *shape):
     kept = np.asarray(value)
     if kept.dtype in (np.float16, np.float32):
         return contiguous_array(kept, np.float32, *shape)
+    demand_rows(kept, shape)
     return np.array(kept, np.float64, order="C").reshape(shape)              # apart from the caller's
 
 
-def demand_kind(path: str, material, kind: type, example: str) -> None:
-    """Raises ValueError where a material is none of that class."""
-    if not isinstance(material, kind):
-        raise ValueError(f"{path}: material is {material!r}; allowed is a {kind.__name__}, such as {example}")
+def demand_rows(given: np.ndarray, shape: tuple[int, ...]) -> None:
+    """Raises ValueError where a table has rows of another length than `shape`: a reshape would cut them anew."""
+    if given.ndim > 1 and len(shape) > 1 and given.size and given.shape[-1] != shape[-1] > 0:
+        raise ValueError(f"found rows of {given.shape[-1]} where rows of {shape[-1]} belong, in an array {given.shape}")
+
+
+def demand_kind(path: str, name: str, value, kind: type, example: str) -> None:
+    """Raises ValueError where a field is none of that class."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{path}: {name} is {value!r}; allowed is a {kind.__name__}, such as {example}")
 
 
 class SizedShape:
@@ -144,7 +152,7 @@ class Cloth(ArrayDataclass):
     self_collision: bool = False
 
     def __post_init__(self):
-        demand_kind(self.path, self.material, Fabric, 'wsim.fabric("silk")')
+        demand_kind(self.path, "material", self.material, Fabric, 'wsim.fabric("silk")')
         self.points = real_array(self.points, -1, 3)
         self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
         self.velocities = real_array(self.velocities, -1, 3)
@@ -273,7 +281,7 @@ class Soft(ArrayDataclass):
 
     def __post_init__(self):
         for material in self.materials:
-            demand_kind(self.path, material, Bulk, "wsim.Bulk(young=2e4)")
+            demand_kind(self.path, "material", material, Bulk, "wsim.Bulk(young=2e4)")
         self.points, self.tets = real_array(self.points, -1, 3), contiguous_array(self.tets, np.int32, -1, 4)
         self.which, self.filled = contiguous_array(self.which, np.int32, -1), real_array(self.filled, -1)
         self.velocities = real_array(self.velocities, -1, 3)
