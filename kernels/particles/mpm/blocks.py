@@ -18,9 +18,9 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.mpm.tables import CELLS, SIDE, point_tables
+from wsim.kernels.particles.mpm.tables import CELLS, LAYER, SIDE, point_tables
 
-EMPTY = wp.constant(wp.int64(-1))
+EMPTY = wp.constant(wp.int64(0))    # the key of a corner that no particle reaches
 PROBES = wp.constant(512)          # slots that are looked at for a key: half of the slots are empty where there is room
 CROWD = wp.constant(4096)          # particles of a cell, at most
 
@@ -97,7 +97,7 @@ def block_functions(real) -> SimpleNamespace:
 
 @cache
 def block_kernels(real, module) -> SimpleNamespace:
-    """Kernels: mark, count, place over particles; near over 27 each, start over blocks; settle over cells."""
+    """Kernels: mark, count, place over particles; near over 27 of each block, start over its four layers; settle over cells."""
     T, f, name = point_tables(real), block_functions(real), types(real).name
 
     def mark_blocks(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid):
@@ -132,23 +132,24 @@ def block_kernels(real, module) -> SimpleNamespace:
             g.near[n] = f.find_block(g, f.shift_key(g, g.key[b], n % 27))
 
     def start_cells(g: T.BlockGrid, word: wp.array(dtype=int)):
-        b = wp.tid()
-        if b >= wp.min(g.used[0], g.key.shape[0]):
+        n = wp.tid()
+        begin = n * LAYER
+        if begin // CELLS >= wp.min(g.used[0], g.key.shape[0]):
             return
         sum = int(0)
         most = int(0)
-        cells = int(CELLS)
-        for c in range(cells):
-            n = g.count[b * cells + c]
-            sum += n
-            most = wp.max(most, n)
+        cells = int(LAYER)
+        for c in range(begin, begin + cells):
+            m = g.count[c]
+            sum += m
+            most = wp.max(most, m)
         at = wp.atomic_add(g.used, 1, sum)
-        for c in range(cells):
-            g.first[b * cells + c] = at
-            at += g.count[b * cells + c]
+        for c in range(begin, begin + cells):
+            g.first[c] = at
+            at += g.count[c]
         if most > word[1]:
             wp.atomic_max(word, 1, most)
-        if b == 0 and g.used[0] > word[0]:
+        if n == 0 and g.used[0] > word[0]:
             word[0] = g.used[0]
 
     def place_points(points: T.PointRows, g: T.BlockGrid):

@@ -14,6 +14,7 @@ from wsim.kernels.math.real import types
 
 SIDE = wp.constant(4)              # cells along an edge of a block
 CELLS = wp.constant(64)            # cells of a block
+LAYER = wp.constant(16)            # cells of a layer of it
 NUMBERS = 8                        # of a material, see laws.py
 
 

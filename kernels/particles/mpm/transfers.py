@@ -1,7 +1,7 @@
 """Transfers of MLS-MPM between particles and nodes (Hu et al. 2018, eq. 16-18; APIC: Jiang et al. 2015, eq. 8 and 11).
 
     A = m C - h V0 (4 / dx^2) tau                                               of a particle: momentum's gradient, stress
-    m_i = sum_p w m,  (m v)_i = sum_p w (m v + A (x_i - x_p))                   gathered by node, from the 27 cells about it
+    m_i = sum_p w m,  (m v)_i = sum_p w (m v + A (x_i - x_p))                   by cell, then gathered by node from 27 cells
     v_i = (m v)_i / m_i + h g,  held by colliders (walls.py)
     v = sum_i w v_i,  C = 4 / dx^2 sum_i w v_i (x_i - x_p)^T                    gathered by particle
 
@@ -74,30 +74,52 @@ def sorted_kernels(real, module) -> SimpleNamespace:
 
 
 @cache
+def cell_kernel(real, module):
+    """Kernel over 32 threads a cell, of which 27 work: what a cell's particles give to each of its nodes, momentum [kg m/s] and
+    mass [kg]. They read the same particle at a time; node (x, y, z) of the cell has the row 9 x + 3 y + z."""
+    t, T = types(real), point_tables(real)
+
+    def sum_cells(g: T.BlockGrid, rows: T.SortedRows, sum_out: wp.array2d(dtype=t.vec4)):
+        cell = wp.tid() // 32
+        n = wp.tid() % 32
+        if cell // CELLS >= wp.min(g.used[0], g.key.shape[0]) or n >= 27:
+            return
+        count = g.count[cell]
+        if count == 0:
+            return
+        x = real(n // 9 - 1)
+        y = real((n // 3) % 3 - 1)
+        z = real(n % 3 - 1)
+        first = g.first[cell]
+        sum = t.vec4()
+        for at in range(first, first + count):
+            m = rows.m[at]
+            r = t.vec4(real(1.0), x - m[0], y - m[1], z - m[2])
+            w = spline_weight(r[1]) * spline_weight(r[2]) * spline_weight(r[3])
+            sum += w * t.vec4(wp.dot(rows.x[at], r), wp.dot(rows.y[at], r), wp.dot(rows.z[at], r), m[3])
+        sum_out[n, cell] = sum
+
+    return wp.kernel(sum_cells, name=f"mpm_sum_cells_{t.name}", module=module, enable_backward=False)
+
+
+@cache
 def node_function(real):
-    """Function (grid, sorted rows, block, cell) -> momentum [kg m/s] and mass [kg] of a node."""
+    """Function (grid, sums of cells, block, cell) -> momentum [kg m/s] and mass [kg] of a node."""
     t, T = types(real), point_tables(real)
 
     @wp.func
-    def gather_node(g: T.BlockGrid, rows: T.SortedRows, b: int, c: int):
+    def gather_node(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), b: int, c: int):
         sum = t.vec4()
         cells = int(27)
         for n in range(cells):
-            x = n // 9 - 1
-            y = (n // 3) % 3 - 1
-            z = n % 3 - 1
-            i = c // 16 + x
-            j = (c // 4) % 4 + y
-            k = c % 4 + z
+            i = c // 16 + n // 9 - 1
+            j = (c // 4) % 4 + (n // 3) % 3 - 1
+            k = c % 4 + n % 3 - 1
             other = g.near[27 * b + (9 * ((i >> 2) + 1) + 3 * ((j >> 2) + 1) + (k >> 2) + 1)]
             if other >= 0:
                 cell = other * CELLS + (16 * (i & 3) + 4 * (j & 3) + (k & 3))
-                first = g.first[cell]
-                for at in range(first, first + g.count[cell]):
-                    m = rows.m[at]
-                    r = t.vec4(real(1.0), real(-x) - m[0], real(-y) - m[1], real(-z) - m[2])
-                    w = spline_weight(r[1]) * spline_weight(r[2]) * spline_weight(r[3])
-                    sum += w * t.vec4(wp.dot(rows.x[at], r), wp.dot(rows.y[at], r), wp.dot(rows.z[at], r), m[3])
+                if g.count[cell] > 0:
+                    sum += sums[26 - n, cell]
         return sum
 
     return gather_node
@@ -111,8 +133,8 @@ def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
     gather, wall = node_function(real), wall_functions(kinds, real)
     walls = bool(kinds)
 
-    def move_nodes(g: T.BlockGrid, rows: T.SortedRows, materials: T.MaterialRows, c: Colliders, clock: wp.array(dtype=real),
-                   node_out: wp.array(dtype=t.vec4)):
+    def move_nodes(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,
+                   clock: wp.array(dtype=real), node_out: wp.array(dtype=t.vec4)):
         n = wp.tid()
         b = n // CELLS
         if b >= wp.min(g.used[0], g.key.shape[0]):
@@ -121,7 +143,7 @@ def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
         if wp.static(cpu):                                     # noqa: SIM108 - one of them is compiled
             sum = node_out[n]
         else:
-            sum = gather(g, rows, b, n % CELLS)
+            sum = gather(g, sums, b, n % CELLS)
         v = t.vec3()
         near = real(0.0)
         if sum[3] > real(0.0):

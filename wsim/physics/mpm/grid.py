@@ -12,14 +12,19 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.blocks import block_kernels
 from wsim.kernels.particles.mpm.steps import energy_kernel, step_kernels
-from wsim.kernels.particles.mpm.tables import CELLS, point_tables
-from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernels
+from wsim.kernels.particles.mpm.tables import CELLS, LAYER, point_tables
+from wsim.kernels.particles.mpm.transfers import cell_kernel, node_kernel, particle_kernel, sorted_kernels
 from wsim.model.model import Model
 from wsim.model.structs import fill_struct
 
 BLOCK = 128                # threads of a block on CUDA
 MEASURERS = 1 << 14        # threads that look for the fastest particle on CUDA
 MORE = 1.1                 # steps over what particles need as one begins
+
+
+def gathers(device: Any) -> bool:
+    """True where threads run side by side: nodes then gather what particles give, else particles add to nodes in turn."""
+    return device.is_cuda
 
 
 def key_bits(worlds: int) -> int:
@@ -32,22 +37,23 @@ class SparseGrid:
 
     def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int):
         self.model, self.count, self.dx, self.colliders = model, count, dx, colliders
-        self.cuda = model.device.is_cuda
+        self.cuda, self.gathers = model.device.is_cuda, gathers(model.device)
         self.module = module = model.module_of(BLOCK) if self.cuda else model.module
         real, kinds = model.real, colliders.kinds if colliders else ()
         self.real, self.tables = real, point_tables(real)
         self.by_block, self.by_step = block_kernels(real, module), step_kernels(laws, real, module)
         self.measure_energy = energy_kernel(laws, real, module)
         momentum = sorted_kernels(real, module)
-        self.sort_momentum = momentum.sort_momentum if self.cuda else momentum.scatter_momentum
-        self.move_nodes = node_kernel(kinds, not self.cuda, real, module)
-        self.move_particles = particle_kernel(kinds, laws, not self.cuda, real, module)
+        self.sort_momentum = momentum.sort_momentum if self.gathers else momentum.scatter_momentum
+        self.sum_cells = cell_kernel(real, module)
+        self.move_nodes = node_kernel(kinds, not self.gathers, real, module)
+        self.move_particles = particle_kernel(kinds, laws, not self.gathers, real, module)
         self.points: Any = None
         self.materials: Any = None
         self.clock, self.pace, self.more = (self.zeros(n) for n in (2, 2, 1))
         self.going = self.zeros(1, int)
         self.own = {name: self.zeros(count, int) for name in ("order", "block", "rank")}
-        kept = count if self.cuda else 0                       # on a CPU particles add to their nodes
+        kept = count if self.gathers else 0
         self.rows = fill_struct(self.tables.SortedRows, **{name: self.zeros(kept, types(real).vec4) for name in "mxyz"})
         self.used = self.zeros(2, int)
         if colliders:
@@ -68,6 +74,8 @@ class SparseGrid:
         self.slot = self.zeros(slots, wp.int64)
         self.cell_count = self.zeros(CELLS * blocks, int)
         self.nodes = self.zeros(CELLS * blocks, types(self.real).vec4)
+        shape = (27, CELLS * blocks) if self.gathers else (1, 1)
+        self.sums = wp.zeros(shape, dtype=self.nodes.dtype, device=self.model.device)
         self.grid = fill_struct(
             self.tables.BlockGrid, slot=self.slot, number=self.zeros(slots, int), key=self.zeros(blocks, wp.int64),
             near=self.zeros(27 * blocks, int), used=self.used, count=self.cell_count, first=self.zeros(CELLS * blocks, int),
@@ -76,7 +84,8 @@ class SparseGrid:
     @property
     def bytes(self) -> int:
         """Bytes of the grid and of what is sorted."""
-        arrays = [self.slot, self.nodes, self.cell_count, self.grid.number, self.grid.near, self.grid.first, self.grid.key]
+        g = self.grid
+        arrays = [self.slot, self.nodes, self.sums, self.cell_count, g.number, g.near, g.first, g.key]
         return sum(a.capacity for a in arrays) + self.count * (12 + 16 * wp.types.type_size_in_bytes(self.real))
 
     def launch(self, kernel: Any, count: int, inputs: list) -> None:
@@ -100,12 +109,14 @@ class SparseGrid:
         """Launches one step."""
         self.sort_cells(word)
         g, points, materials = self.grid, self.points, self.materials
-        if not self.cuda:
+        if not self.gathers:
             self.nodes.zero_()
         self.launch(self.sort_momentum, self.count,
-                    [points, materials, g, self.clock, self.rows if self.cuda else self.nodes])
+                    [points, materials, g, self.clock, self.rows if self.gathers else self.nodes])
+        if self.gathers:
+            self.launch(self.sum_cells, 32 * CELLS * self.blocks, [g, self.rows, self.sums])
         self.launch(self.move_nodes, CELLS * self.blocks,
-                    [g, self.rows, materials, self.wall_rows, self.clock, self.nodes])
+                    [g, self.sums, materials, self.wall_rows, self.clock, self.nodes])
         self.launch(self.move_particles, self.count,
                     [g, self.nodes, materials, self.wall_rows, self.clock, points, word, self.pace])
         self.launch(self.by_step.next_step, 1,
@@ -114,13 +125,13 @@ class SparseGrid:
     def sort_cells(self, word: Any) -> None:
         """Launches what finds blocks, and the particles of each cell."""
         g, k, n = self.grid, self.by_block, self.count
-        self.slot.fill_(-1)
+        self.slot.zero_()
         self.cell_count.zero_()
         self.used.zero_()
         self.launch(k.mark_blocks, n, [self.points, self.materials, g])
         self.launch(k.count_points, n, [self.points, self.materials, g])
         self.launch(k.near_blocks, 27 * self.blocks, [g])
-        self.launch(k.start_cells, self.blocks, [g, word])
+        self.launch(k.start_cells, CELLS // LAYER * self.blocks, [g, word])
         self.launch(k.place_points, n, [self.points, g])
-        if self.cuda:                                          # on a CPU threads come in ascending order
+        if self.gathers:                                       # else threads come in ascending order
             self.launch(k.settle_cells, CELLS * self.blocks, [g])
