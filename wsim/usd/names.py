@@ -40,7 +40,7 @@ WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "W
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
-WSIM_RODS = "WsimRodsAPI"
+WSIM_RODS, WSIM_GRAINS = "WsimRodsAPI", "WsimMaterialPointsAPI"
 WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
@@ -56,7 +56,7 @@ UNITS = {
     "kg": (0, 1),
     "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
     "K": (0, 0), "K/s": (0, 0), "1/K": (0, 0), "m^2/s": (2, 0), "kg m^2": (2, 1),
-    "kg/(m^2 s)": (-2, 1),
+    "kg/(m^2 s)": (-2, 1), "Pa s": (-1, 1), "m^3": (3, 0),
 }
 
 
@@ -191,7 +191,14 @@ OTHERS = (
     AttributeEntry("LiquidSource", "role", WSIM_POUR, "wsim:liquid:role", "token", uniform=True),
     AttributeEntry("LiquidSource", "velocity", WSIM_POUR, "wsim:liquid:velocity", "vector3d", "m/s"),
     AttributeEntry("LiquidSource", "strength", WSIM_POUR, "wsim:liquid:strength", "double"),
-
+    *(AttributeEntry("MaterialPoints", name, WSIM_GRAINS, f"wsim:mpm:{usd}", kind, unit, kind == "token")
+      for name, usd, kind, unit in (row.split(" ", 3) for row in (
+        "cell cellSize double m", "material material token 1", "velocity velocity vector3d m/s", "spin spin vector3d rad/s",
+        "volumes volumes double[] m^3", "density density double kg/m^3", "viscosity viscosity double Pa s",
+        "young youngsModulus double Pa", "poisson poissonsRatio double 1", "model model token 1", "bulk bulkModulus double Pa",
+        "exponent exponent double 1", "tension bearsTension bool 1", "compression_limit compressionLimit double 1",
+        "tension_limit tensionLimit double 1", "hardening hardening double 1", "friction_angle frictionAngle double rad",
+        "cohesion cohesion double Pa", "cone cone token 1"))),
     AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
     AttributeEntry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),

@@ -21,7 +21,7 @@ PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material"
           names.WSIM_RODS: names.CURVES_SIM, names.WSIM_ATTACHMENT: names.ATTACHMENT, names.WSIM_LOAD: names.WSIM_LOAD,
           names.WSIM_RIGID: names.RIGID_BODY,
           names.WSIM_DOMAIN: names.WSIM_DOMAIN, names.WSIM_SOURCE: names.WSIM_SOURCE,
-          names.WSIM_LIQUID: names.WSIM_LIQUID, names.WSIM_POUR: names.WSIM_POUR,
+          names.WSIM_LIQUID: names.WSIM_LIQUID, names.WSIM_POUR: names.WSIM_POUR, names.WSIM_GRAINS: names.WSIM_GRAINS,
           names.WSIM_SKELETON: "Skeleton", names.WSIM_CORRECTIVE: "BlendShape"}
 SCHEMAS = tuple(v for v in vars(names).values() if isinstance(v, str) and v.startswith(("Physics", "Wsim")))
 DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.SURFACE_MATERIAL, names.CURVES_MATERIAL,

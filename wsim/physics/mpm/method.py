@@ -18,7 +18,7 @@ from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.mpm.grid import MORE, SparseGrid
 from wsim.physics.mpm.objects import MaterialPoints
 from wsim.physics.mpm.seeding import count_blocks, locality_order, nearest_nodes, place_particles
-from wsim.scene.samples import ParticleSample, Sample
+from wsim.scene.samples import DROPS, ParticleSample, Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -174,7 +174,8 @@ class MaterialPointMethod(Method):
         for k, thing in enumerate(self.things):
             now = self.read_particles(k, world)
             width = (6.0 / np.pi * self.volume[self.thing_of == k]) ** (1.0 / 3.0)
-            found.append(ParticleSample(thing.path, now["x"], width, np.arange(len(width)), now["v"]))
+            path = thing.path + DROPS * (thing.points is None)
+            found.append(ParticleSample(path, now["x"], width, np.arange(len(width)), now["v"]))
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:

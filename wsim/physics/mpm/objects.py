@@ -51,8 +51,8 @@ class Snow:
     young         Young's modulus [Pa]
     poisson       Poisson's ratio [1]
     density       at rest [kg/m^3]
-    compression   stretches below 1 less this become plastic [1]
-    tension       stretches above 1 plus this become plastic [1]
+    compression_limit   stretches below 1 less this become plastic [1]
+    tension_limit       stretches above 1 plus this become plastic [1]
     hardening     stiffness grows by exp(hardening (1 - Jp)) [1]
     viscosity     of the shear rate [Pa s]
     """
@@ -60,15 +60,15 @@ class Snow:
     young: float = 1.4e5
     poisson: float = 0.2
     density: float = 400.0
-    compression: float = 0.025
-    tension: float = 0.0075
+    compression_limit: float = 0.025
+    tension_limit: float = 0.0075
     hardening: float = 10.0
     viscosity: float = 0.0
     law = "snow"
 
     def numbers(self) -> tuple[float, ...]:
         """Numbers of the law: mu, lambda [Pa], five of its own, the viscosity [Pa s]."""
-        own = self.compression, self.tension, self.hardening, 0.0, 0.0
+        own = self.compression_limit, self.tension_limit, self.hardening, 0.0, 0.0
         return *lame_moduli(self.young, self.poisson), *own, self.viscosity
 
 
@@ -164,5 +164,5 @@ class MaterialPoints(ArrayDataclass):
         if self.points is not None:
             self.points = np.array(self.points, np.float64).reshape(-1, 3)
         if self.volumes is not None:
-            self.volumes = np.array(self.volumes, np.float64)
+            self.volumes = np.atleast_1d(np.array(self.volumes, np.float64))
         self.velocity, self.spin = (np.zeros(3) if v is None else np.array(v, np.float64) for v in (self.velocity, self.spin))

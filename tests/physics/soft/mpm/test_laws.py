@@ -8,7 +8,8 @@ from wsim.kernels.particles.mpm.law_table import LAWS, choose_law
 from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.physics.mpm.objects import Granular, Jelly, Snow, Water
 
-MATERIALS = {"neo_hookean": Jelly(), "corotational": Jelly(model="corotational"), "snow": Snow(compression=0.5, tension=0.5),
+MATERIALS = {"neo_hookean": Jelly(), "corotational": Jelly(model="corotational"),
+             "snow": Snow(compression_limit=0.5, tension_limit=0.5),
              "sand": Granular(friction_angle=1.5), "water": Water(tension=True)}
 vec8 = point_tables(wp.float64).vec8
 
