@@ -144,6 +144,7 @@ NATIVE = {              # other files with native code: what Warp cannot say
     "kernels/math/ledger.py": "shuffles within a warp",
     "kernels/math/mesh_refit.py": "a refit that a loop on a GPU can hold",
     "kernels/math/team.py": "sums over teams of threads",
+    "kernels/particles/mpm/vectors.py": "four numbers of a particle at a time on a CPU",
     "kernels/particles/sort.py": "an order that does not depend on threads",
     "kernels/rods/coupled_newton/warps.py": "the greatest of a warp",
     "kernels/contact/selfcontact/tree.py": "reads and writes of boxes past the caches",
