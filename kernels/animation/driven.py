@@ -154,7 +154,6 @@ def hung_pull_kernel(of, module):
         i = wp.tid()
         k = x.shape[0] - MORE
         wp.atomic_max(speed_out, hung.pin,
-                      fastest_half_frame_speed(middle(hung, x, k, i), middle(hung, x, k + 1, i), middle(hung, x, k + 2, i),
-                                                                    dt))
+                      fastest_half_frame_speed(middle(hung, x, k, i), middle(hung, x, k + 1, i), middle(hung, x, k + 2, i), dt))
 
     return wp.kernel(pull_hung, name=f"pull_hung_{t.name}", module=module, enable_backward=False)

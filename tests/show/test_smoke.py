@@ -23,8 +23,8 @@ from wsim.usd.result.kinds.rows import sample_attribute_values
 N = 16
 
 
-def cloud(values: np.ndarray, low=(-1.0, -1.0, -1.0), edge: float = 2.0, depth: float = 1.0) -> tuple[SmokeVolume,
-                                                                                                      SmokeDensity]:
+def cloud(values: np.ndarray, low=(-1.0, -1.0, -1.0), edge: float = 2.0,
+          depth: float = 1.0) -> tuple[SmokeVolume, SmokeDensity]:
     """Smoke in a cube of that edge [m], of optical depth `depth` across where it is 1."""
     M = np.eye(4)
     M[:3, :3] *= edge / len(values)

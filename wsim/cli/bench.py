@@ -65,8 +65,7 @@ def recommended_scene(scene: Scene, error: float, device: str | None, say: Calla
     if row is None:
         raise SceneError(Problem("--error", _explain_no_setting(report, error)))
     print(f"{row.setting.options}: error {format_percent(row.largest)} over the first {report.frames} frames, {row.ms:.3g} ms "
-          f"a frame "
-          "(wsim bench)", file=sys.stderr)
+          "a frame (wsim bench)", file=sys.stderr)
     return row.setting.applied_to_scene(scene), row.setting
 
 

@@ -58,8 +58,8 @@ def memory_neighbours(shape) -> np.ndarray:
     return shape.edges if len(shape.edges) else topology.edges_of_triangles(shape.triangles)
 
 
-def lump_node_masses(masses: np.ndarray, weights: np.ndarray, rest: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray,
-                                                                                                           np.ndarray]:
+def lump_node_masses(masses: np.ndarray, weights: np.ndarray, rest: np.ndarray,
+                     tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Masses of the nodes [kg], (n + m,), from those of the author's points, (n,); and rows of ten, (t, 10).
 
     By `weights` times volume each tet gets its part of what its corners have, which is its own mass where they have a quarter

@@ -67,7 +67,6 @@ def long_run(plan, frames: int, samples: int = 1) -> list[str]:
     from wsim.scene.check.counts import MANY
     each = plan.seconds * samples
     found = [f"warning: /: a frame takes about {format_duration(each)}, and {frames} of them {format_duration(each * frames)}; "
-             f"fewer "
-             "--substeps, a coarser mesh or a GPU (--device cuda:0) take less"] if each > SLOW else []
+             "fewer --substeps, a coarser mesh or a GPU (--device cuda:0) take less"] if each > SLOW else []
     steps = frames * samples
     return found + ([f"warning: /: {steps} frames take about {format_duration(each * frames)}"] if steps > MANY else [])

@@ -78,8 +78,8 @@ def set_fields_and_numbers(sim: Simulation, given: list[tuple[ParameterField | N
     sim.changes.clear()
 
 
-def numbers_and_fields(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[ParameterField | NumberField],
-                                                                                    list[Scene]]:
+def numbers_and_fields(names: list[str], scenes: list[Scene],
+                       start: dict) -> tuple[list[ParameterField | NumberField], list[Scene]]:
     """Numbers, then fields, of these names, and the scenes with the start values of the numbers. Raises SceneError with
     everything that is wrong."""
     plain = [n for n in names if not is_field(n)]

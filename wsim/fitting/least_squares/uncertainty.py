@@ -106,8 +106,7 @@ def _describe_direction(parameters: list[Parameter], v: np.ndarray) -> str:
         parts = ", ".join(f"{parameters[k].name} {'x' if parameters[k].map.kind == 'log' else '+'} "
                           f"{_amount_of_change(parameters[k], v[k])}" for k in own)
         return (f"{_list_of_names(names)} can change together and nothing that was observed changes ({parts}, say): give one "
-                f"of "
-                "them, or a prior")
+                "of them, or a prior")
     up, down = ([parameters[k].name for k in own if v[k] * s > 0.0] for s in (1.0, -1.0))
     if len(own) == 2:
         what = f"the ratio of {up[0]} to {down[0] if down else up[1]}" if not down else f"the product of {up[0]} and {down[0]}"

@@ -38,8 +38,8 @@ class AxisRays:
         u, v = (axis + 1) % 3, (axis + 2) % 3
         return (place[:, u] - self.low[u]) * (self.high[v] - self.low[v] + 1) + place[:, v] - self.low[v]
 
-    def _crossings_of_lines(self, points: np.ndarray, triangles: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray,
-                                                                                                 np.ndarray]:
+    def _crossings_of_lines(self, points: np.ndarray, triangles: np.ndarray,
+                            axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Crossings of the lines along an axis, ascending: key (column + depth in 0 .. 1/2), running sum of signs with a
         leading 0, and where each column begins."""
         uv = [(axis + 1) % 3, (axis + 2) % 3]

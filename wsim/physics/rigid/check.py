@@ -100,8 +100,7 @@ def _check_soft_contact_options(body: Body, scene: Scene) -> Iterator[Problem]:
     if scene.bodies() and scene.contact_width > 0.0 and body is next(iter(bodies_touched_by_points(scene)), None):
         yield object_warning(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
                              f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way, and all "
-                             f"contacts "
-                             "of this scene are hard", "0", "leave out wsim:contactWidth, or make the body kinematic")
+                             "contacts of this scene are hard", "0", "leave out wsim:contactWidth, or make the body kinematic")
     if body is scene.things("Body")[0] and scene.contact_tolerance > 0.0 and (
             bodies_touch_points(scene) or enabled_joints(scene) or bodies_met_by_strands(scene)):
         yield object_warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where there "

@@ -129,8 +129,7 @@ def _points_inside_colliders(scene: Scene, body, moved: list[Collider]) -> Itera
                                  f"point {which[d]}, by {depth.max():.3g} m at {_format_position(points[d], near)}", "none",
                                  "move one of them "
                                  f"apart{'' if id(c) in of_bodies else ', or pin those points'}: they are pushed out the "
-                                 f"nearest way "
-                                 "at 0.5 m/s, which may be the far side", overlap=True)
+                                 "nearest way at 0.5 m/s, which may be the far side", overlap=True)
 
 
 def _bodies_inside_triangles(body, mover: Collider) -> Iterator[Problem]:
@@ -153,8 +152,7 @@ def _bodies_inside_triangles(body, mover: Collider) -> Iterator[Problem]:
     if depth.max() > near + chord.chord_sagitta(chord.triangle_breadth(points, faces), chord.least_curvature_radius(mover)):
         yield object_warning(body.path, f"the rigid body {mover.path} starts in its triangles, between their points, by "
                              f"{depth.max():.3g} m at {_format_position(places[np.argmax(depth)], near)}: points alone meet "
-                             f"rigid bodies, and "
-                             "it goes through there", "bodies that start beside it",
+                             "rigid bodies, and it goes through there", "bodies that start beside it",
                              "move one of them apart, or refine the mesh", overlap=True)
 
 

@@ -51,16 +51,14 @@ def _mesh_flaws(points: np.ndarray, counts: np.ndarray, triangles: np.ndarray, p
     alone = np.flatnonzero(np.bincount(triangles.ravel(), minlength=len(points)) == 0)
     if len(alone):
         texts.append(f"{_count_and_first(alone, 'point')} in no face; they stay where they are, or where a hard pin has them "
-                     f"(remove "
-                     "them from the mesh)")
+                     "(remove them from the mesh)")
     place = topology.distinct_rows(points)[1]
     first = np.full(len(points), -1)
     first[place[::-1]] = np.arange(len(points))[::-1]
     twins = np.flatnonzero(first[place] != np.arange(len(points)))
     if parts and len(twins):
         texts.append(f"{_count_and_first(twins, 'point')} where another one is (that one: {first[place[twins[0]]]}): seams "
-                     f"come "
-                     "apart there, unless welded (set weld to a distance under the shortest edge)")
+                     "come apart there, unless welded (set weld to a distance under the shortest edge)")
     return texts
 
 

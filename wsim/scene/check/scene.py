@@ -130,13 +130,11 @@ def _check_solver_choice(scene: Scene) -> Iterator[Problem]:
             yield thing_error("/", f"{said} colliders", f"implicit_midpoint, {others}", "choose one of them")
         elif scene.contact_width > 0.0:
             yield thing_error("/", f"contact_width is {scene.contact_width:g} m, and integrator {scene.integrator} has hard "
-                                    f"contacts "
-                               "alone, which act where its steps end", others,
+                                    "contacts alone, which act where its steps end", others,
                                "choose one of them, or leave wsim:contactWidth out")
     if scene.solver == "xpbd" and scene.contact_width > 0.0 and scene.colliders:
         yield object_warning("/", f"contact_width is {scene.contact_width:g} m, and steps of solver xpbd damp: of a bounce "
-                                  f"they give "
-                             "back 0.78 of the speed with 4 substeps, say, and 0.97 with 40",
+                                  "they give back 0.78 of the speed with 4 substeps, say, and 0.97 with 40",
                              "solver explicit, which gives back all",
                              "choose it, or more substeps, or leave wsim:contactWidth out")
     if "auto" in (scene.solver, scene.integrator):

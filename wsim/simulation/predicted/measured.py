@@ -69,8 +69,7 @@ class MeasuredRunError:
         if self.compared and (error is None or error > OVER * wanted and not self.sensitive):
             what = "more than the size of the scene" if error is None else f"about {percent_of_size(error)} of the size"
             found.append(f"warning: /: positions err by {what} after {self.compared} frames, where {percent_of_size(wanted)} "
-                         f"was "
-                         f"wanted; name more than {steps} substeps, or another solver")
+                         f"was wanted; name more than {steps} substeps, or another solver")
         return found
 
     def look(self, sim) -> bool:

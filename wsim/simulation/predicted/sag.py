@@ -147,8 +147,7 @@ class SubstepNeed:
         if isinstance(scene.substeps, DefaultCount):
             other = "lower its angular velocity" if self.cause == "rolls" else "smaller ratios of mass"
         return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.describe_substeps(scene.fps, n)}; give "
-                f"--substeps "
-                f"{good}, or {other}"]
+                f"--substeps {good}, or {other}"]
 
 
 def format_length(value: float) -> str:

@@ -142,8 +142,8 @@ def _sum_faces_at_points(cloth: Cloth, of_faces: np.ndarray) -> np.ndarray:
     return sum_shares_at_points(cloth.indices, np.repeat(np.asarray(of_faces, np.float64), cloth.counts), len(cloth.points))
 
 
-def _read_cloth_masses(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None,
-                                                                                                     float | None]:
+def _read_cloth_masses(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim,
+                       cloth: Cloth) -> tuple[np.ndarray | None, float | None]:
     """(mass of each point [kg] or None, mass of the whole [kg] or None)."""
     mass = body_mass(reading, body)
     values = read_attribute(mesh, "Cloth", "masses", reading.units)

@@ -89,8 +89,7 @@ def _bind_points(reading: StageReading, prim: Usd.Prim, owner: str) -> np.ndarra
         if api.startswith(f"{names.POSE}:"):
             pose = f"physics:deformablePose:{api.partition(':')[2]}"
             purposes, points = (read_table_attribute(prim, replace(attribute_entry("Pose", name), attribute=f"{pose}:{name}"),
-                                                     reading.units)
-                                for name in ("purposes", "points"))
+                                                     reading.units) for name in ("purposes", "points"))
             if purposes and points is not None and BIND in purposes:
                 return points
     points = read_attribute(prim, owner, "points", reading.units, DEFAULT)

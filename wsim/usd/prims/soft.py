@@ -97,8 +97,8 @@ def _read_soft_rest_points(reading: StageReading, mesh: Usd.Prim, soft: Soft, de
     return rest
 
 
-def _read_soft_masses(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> tuple[np.ndarray | None,
-                                                                                                  float | None]:
+def _read_soft_masses(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim,
+                      soft: Soft) -> tuple[np.ndarray | None, float | None]:
     """(mass of each point [kg] or None, mass of the whole [kg] or None)."""
     mass = body_mass(reading, body)
     values = read_attribute(mesh, "Soft", "masses", reading.units)

@@ -56,8 +56,7 @@ class InfeasibleContacts:
         numbers = sorted({int(step_clamp.MOST - said[step_clamp.FORMER]), int(said[step_clamp.LATTER]) - 1})
         names = " and ".join(self.obstacles.contacts.rows.colliders[n].path for n in numbers)
         return (f"is pinched: {names} left it no room, {said[step_clamp.PINCHED]} pairs of surfaces, counted in each substep, "
-                f"had no "
-                "way out; give more room there, or a smaller thickness")
+                "had no way out; give more room there, or a smaller thickness")
 
     def tell(self, said: wp.array) -> None:
         """Counts pairs that are left without a proof, to the words of the frame."""

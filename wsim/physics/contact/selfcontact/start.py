@@ -223,20 +223,20 @@ def _report_crossed_triangles(model: Model, surfaces: ContactSurfaces) -> list[t
     if len(found) > most:
         raise SceneError(Problem(names[found[0, 0]], f"its surface is a tangle where it starts: more than {most} pairs of "
                                  f"triangles intersect, such as {pair_places(found[:1])}; expected: none, {TANGLE} a triangle "
-                                 f"and " f"{LOOSE} at most; move them apart, or leave wsim:selfCollision out"))
+                                 f"and {LOOSE} at most; move them apart, or leave wsim:selfCollision out"))
     told, base = [], (len(triangles), 1)
     if len(found):
         size = float(np.ptp(x[triangles.ravel()], axis=0).max())
         surfaces.flatten(model, triangles[np.unique(found[found < own])], LITTLE * size)
         told.append((names[found[0, 0]], f"{len(found)} pairs of triangles intersect where surfaces start, such as "
                      f"{pair_places(found)}: they keep no thickness there, and stay crossed where nothing takes them apart; "
-                     f"move " "them apart there"))
+                     "move them apart there"))
     on = unique_pairs(near, len(triangles))
     on = on[~np.isin(on @ base, found @ base)]
     if len(on):
         told.append((names[on[0, 0]], f"{len(on)} pairs of triangles lie on each other where surfaces start, such as "
                      f"{pair_places(on)}: files tell nothing apart that is nearer than {gap:.2g} m, and which is on which side "
-                     f"is " "arbitrary; move them apart there, or give them common points"))
+                     "is arbitrary; move them apart there, or give them common points"))
     return told
 
 

@@ -25,8 +25,8 @@ def liquid_sample(liquid: Liquid, particles: dict[str, np.ndarray]) -> ParticleS
     return ParticleSample(liquid.path + DROPS, x, np.full(len(x), particle_diameter(liquid)), particles["id"], particles["v"])
 
 
-def liquid_measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray, volume: float | None) -> dict[str,
-                                                                                                                         float]:
+def liquid_measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray,
+                    volume: float | None) -> dict[str, float]:
     """Kinetic energy and that in gravity [J], greatest speed [m/s], particles; volume [cells] in m^3, where it is known."""
     x, v, m = particles["x"], particles["v"], particle_mass(liquid)
     found = {"liquid_energy": float(m * (0.5 * np.sum(v ** 2) - np.sum(x @ gravity))),

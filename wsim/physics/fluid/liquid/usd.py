@@ -43,8 +43,7 @@ def _load_liquid_domain(reading: StageReading, prim: Usd.Prim) -> Liquid | None:
     found |= {name: value for name in SETTINGS if (value := read_attribute(prim, "Liquid", name, units)) is not None}
     if len(found.get("sides", range(6))) != 6:
         reading.fail(path, f"{names.attribute_entry('Liquid', 'sides').attribute} has {len(found['sides'])} entries; author 6, "
-                           f"for -x, +x, "
-                     "-y, +y, -z, +z")
+                           "for -x, +x, -y, +y, -z, +z")
         return None
     return Liquid(path, *ends, found.pop("cell", None) or float((ends[1] - ends[0]).max()) / CELLS, **found)
 

@@ -60,8 +60,8 @@ def cluster_for(n: int, most: int, size: int = 16, real: int = 4) -> SpringClust
     return best
 
 
-def exchange_halo(cluster: SpringCluster, n: int, point: np.ndarray, other: np.ndarray, real: int) -> tuple[SpringCluster,
-                                                                                                            Halo] | None:
+def exchange_halo(cluster: SpringCluster, n: int, point: np.ndarray, other: np.ndarray,
+                  real: int) -> tuple[SpringCluster, Halo] | None:
     """The cluster with its slots and pushes, and who stands where; None where memory or registers do not suffice.
 
     point, other (entries,): ends of springs among n points, each spring from both ends; real: bytes of a number."""

@@ -129,8 +129,8 @@ class RigidContactTables:
                                 **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
                                 **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
                                 **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
-                                **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b", "rub",
-                                                                          "drift")})
+                                **{name: zeros(4 * room, t.vec3)
+                                   for name in ("core_a", "core_b", "first_a", "first_b", "rub", "drift")})
         self.work = fill_struct(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
                                 **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
                                 **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},

@@ -88,8 +88,8 @@ def coupled_drive_masses(drive: np.ndarray, A: np.ndarray) -> np.ndarray:
     return safe_reciprocal(size + (shared * np.sqrt(ratio)).sum(axis=-1))
 
 
-def effective_drive_gains(drive: np.ndarray, m: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray,
-                                                                                                                 np.ndarray]:
+def effective_drive_gains(drive: np.ndarray, m: np.ndarray, stiffness: np.ndarray,
+                          damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness and damping of all rows; those of accelerations per effective mass."""
     mass = np.where(drive == int(ACCELERATION), m, 1.0)
     return mass * stiffness, mass * damping

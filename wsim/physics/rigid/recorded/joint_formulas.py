@@ -103,8 +103,8 @@ def place_joint_frames(t: RecordedJointTables, pose: np.ndarray, q: tuple[np.nda
     return PlacedJoints(g, axis, turn, p[1] - x[0], p[1] - x[1])
 
 
-def cone_coordinates(t: RecordedJointTables, s: np.ndarray, turn: np.ndarray, cones: np.ndarray) -> tuple[np.ndarray,
-                                                                                                          np.ndarray]:
+def cone_coordinates(t: RecordedJointTables, s: np.ndarray, turn: np.ndarray,
+                     cones: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates and rows where there is a cone, as `place_of` of kernels/rigid/joint/coordinates.py."""
     cone = np.where(cones[:, None], t.cone, 1.0)
     y, z = s[..., 1] * cone[:, 0], s[..., 2] * cone[:, 1]
