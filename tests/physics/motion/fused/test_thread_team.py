@@ -16,7 +16,7 @@ from wsim.physics.motion.fast_paths import threads
 from wsim.physics.motion.fused import kernel_fusion
 from wsim.scene import Scene
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 LONG = 400             # substeps: a frame in which helpers have time to come
 MADE = {"everything": everything, "blown": blown, "cube": cube}
 
