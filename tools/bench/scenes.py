@@ -56,7 +56,7 @@ class Watch:
         self.wrap_attribute(wp, "launch", self.counted_launch)
         self.wrap_attribute(wp, "launch_tiled", self.counted_launch)
         self.wrap_attribute(status.FrameStatus, "wait", self.timed_call)
-        self.wrap_attribute(kernel_cache, "capture", self.counted_capture)
+        self.wrap_attribute(kernel_cache, "capture_graph", self.counted_capture)
 
     @staticmethod
     def wrap_attribute(owner, name: str, wrap) -> None:
