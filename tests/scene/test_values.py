@@ -85,7 +85,7 @@ def test_a_toy_value_is_live_and_refused_out_of_its_bounds(row):
 
 def test_a_scene_is_judged_by_the_same_bounds(row):
     (problem,) = [p for p in check_scene(braked(-1.0)) if p.fatal]
-    assert str(problem) == "error: /brake: grip is -1; allowed: >= 0 and < 50; mend: author another toy:grip"
+    assert str(problem) == "error: /brake: grip is -1; allowed: >= 0 and < 50; fix: author another toy:grip"
 
 
 def test_a_toy_value_varies_in_time_and_is_saved_so(row, tmp_path):

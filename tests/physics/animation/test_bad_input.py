@@ -39,7 +39,7 @@ def test_a_ring_of_joints_is_named():
     scene = made()
     scene.things("Skeleton")[0].parents = np.array([2, 0, 1, 0])
     assert ("error: /man/bones: joints hang on each other in a ring: hip < hip/knee/foot < hip/knee < hip; allowed: a tree; "
-            "mend: give one of them the parent -1") in said(scene)
+            "fix: give one of them the parent -1") in said(scene)
     with pytest.raises(SceneError, match="in a ring"):
         wsim.Simulation(scene, device="cpu")
 
@@ -56,7 +56,7 @@ def test_a_ring_of_joints_is_named():
 def test_what_is_wrong_with_a_skeleton(name, value, words):
     scene = made()
     setattr(scene.things("Skeleton")[0], name, value)
-    assert f"error: /man/bones: {words}" in said(scene) and "mend: " in said(scene)
+    assert f"error: /man/bones: {words}" in said(scene) and "fix: " in said(scene)
 
 
 def test_quaternions_that_are_not_unit_are_divided_by_their_length_with_a_warning():
@@ -99,7 +99,7 @@ def test_a_skeleton_that_was_not_added_and_a_motion_that_is_another():
     scene.colliders[0].motion = wsim.scene.Motion.at_place((1.0, 0.0, 0.0))
     assert "/man/body: its points follow /man/bones, and its motion is another" in said(scene)
     scene.others.clear()
-    assert ("/man/body: it follows /man/bones, which is not in the scene; allowed: a skeleton of the scene; mend: add it"
+    assert ("/man/body: it follows /man/bones, which is not in the scene; allowed: a skeleton of the scene; fix: add it"
             in said(scene))
 
 

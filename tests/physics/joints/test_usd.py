@@ -161,7 +161,7 @@ def test_what_is_wrong_with_a_joint_is_said_in_a_line_with_a_mend(change, said):
     body = rod("/b1", (0.0, 0.0, 0.0))
     joint = replace(fixed_joint("/j", None, body), **change)
     problems = [p for p in check_scene(scene(body, joint)) if p.fatal]
-    assert any(said in p.text and "mend: " in p.text and p.path == "/j" for p in problems), problems
+    assert any(said in p.text and "fix: " in p.text and p.path == "/j" for p in problems), problems
 
 
 def test_a_joint_that_starts_apart_is_a_warning():

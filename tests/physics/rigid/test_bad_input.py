@@ -80,7 +80,7 @@ def test_what_cannot_run_is_refused_in_a_line_with_its_path(more, said, tmp_path
 def test_what_is_odd_is_a_warning_with_a_mend_and_runs(more, said, tmp_path):
     scene = load(stage_with(str(tmp_path / "a.usda"), **more))
     problems = [p for p in (*scene.notes, *check_scene(scene)) if said in p.text]
-    assert problems and all(p.path == "/b" and not p.fatal and "mend: " in p.text for p in problems)
+    assert problems and all(p.path == "/b" and not p.fatal and "fix: " in p.text for p in problems)
     sim = Simulation(scene, **WHERE)
     sim.run(2)
     assert np.isfinite(sim.plan.method("rigid").poses()).all()
@@ -166,7 +166,7 @@ def test_a_body_that_starts_inside_of_a_cloth_is_named_with_the_place(shape):
     assert not said(0.0301) and not said(0.0301, 3) and not said(0.5)
     found, = said(-0.01)
     assert "/sheet: " in found and "of its 81 free points start inside of /body/shape, the deepest, point " in found
-    assert "m at (0.1, 0, 0.05) m; expected: none; mend: move one of them apart: they are pushed out" in found
+    assert "m at (0.1, 0, 0.05) m; expected: none; fix: move one of them apart: they are pushed out" in found
 
 
 @pytest.mark.parametrize("n", [1, 2])

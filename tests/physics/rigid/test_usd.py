@@ -155,7 +155,7 @@ def test_what_is_wrong_is_said_in_a_line_with_its_path_and_a_mend(change, said):
     scene = Scene()
     scene.add(replace(ball("/b", (0.0, 0.0, 0.0)), **change))
     problems = [p for p in check_scene(scene) if p.fatal]
-    assert any(said in p.text and "mend: " in p.text and p.path in ("/b", "/b/c", "/else") for p in problems), problems
+    assert any(said in p.text and "fix: " in p.text and p.path in ("/b", "/b/c", "/else") for p in problems), problems
     with pytest.raises(SceneError, match="/b|/else"):
         Simulation(scene, **WHERE)
 

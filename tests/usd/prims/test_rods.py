@@ -54,7 +54,7 @@ def test_directors_are_seen_beside_the_edges_of_each_strand():
     rods.directors[5] = 0.0, 3.0, 0.0
     assert [p.text for p in check_scene(scene) if p.fatal] == [
         "directors (of curves: normals)[5] is [0.0, 3.0, 0.0], the edge behind point 5 goes along [0.0, 0.125, 0.0] "
-        "(1 such edges); allowed: directions across their edges, not 0; mend: author it again, or leave it out: no twist then"]
+        "(1 such edges); allowed: directions across their edges, not 0; fix: author it again, or leave it out: no twist then"]
 
 
 def test_counts_that_change_in_time_are_refused(tmp_path):
@@ -157,7 +157,7 @@ def test_strands_that_begin_in_a_collider_are_told_with_their_point_or_edge(alon
     place[0, 3] = 0.02 + along
     scene.collider("/ball", Sphere(0.005 - 1e-4 * (along > 0.0)), motion=Motion.still(place))
     (text,) = [p.text for p in check_scene(scene) if "inside" in p.text]
-    assert text.startswith(what) and "mend: move one of both" in text
+    assert text.startswith(what) and "fix: move one of both" in text
     scene.things("Rods")[0].pin("/pin", [2, 3])
     assert [p for p in check_scene(scene) if "points begin inside" in p.text] == []
 

@@ -28,11 +28,11 @@ RIGID = 1e-4                # departure of M^T M from the identity that transfor
 
 
 def thing_error(path: str, found: str, allowed: str, mend: str, lacks: bool = False) -> Problem:
-    return Problem(path, f"{found}; allowed: {allowed}; mend: {mend}", lacks=lacks)
+    return Problem(path, f"{found}; allowed: {allowed}; fix: {mend}", lacks=lacks)
 
 
 def object_warning(path: str, found: str, expected: str, mend: str, overlap: bool = False) -> Problem:
-    return Problem(path, f"{found}; expected: {expected}; mend: {mend}", False, overlap)
+    return Problem(path, f"{found}; expected: {expected}; fix: {mend}", False, overlap)
 
 
 def three_digits(value: float, whole: Callable[[float], int]) -> float:

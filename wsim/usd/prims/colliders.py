@@ -98,7 +98,7 @@ def _read_primitive(reading: StageReading, prim: Usd.Prim) -> AuthoredShape | No
         if attribute.ValueMightBeTimeVarying():
             reading.warn(attribute.GetPath(), "is animated; its value at startTimeCode is held")
         if not np.isfinite(found := attributes.read_unlisted_number(attribute, reading.start)):
-            reading.fail(prim.GetPath(), f"{name} is {found:g}; allowed: a finite number > 0; mend: author another {name}")
+            reading.fail(prim.GetPath(), f"{name} is {found:g}; allowed: a finite number > 0; fix: author another {name}")
         return found * reading.units.metres
 
     found = claiming_shape_row((*applied_schemas(prim), str(prim.GetTypeName())))

@@ -114,7 +114,7 @@ def _set_pin_target(reading: StageReading, prim: Usd.Prim, pin: Pin, target: str
     if body := _carrying_rigid_body(reading, xform):
         reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which moves with the rigid body {body}; allowed is what is "
                      "still, animated or kinematic: points cannot be joined to a body that forces move, and would hang where "
-                     f"it starts; mend: set physics:kinematicEnabled on {body}, or name an Xform outside of it")
+                     f"it starts; fix: set physics:kinematicEnabled on {body}, or name an Xform outside of it")
         return False
     pin.target = "" if target == f"{pin.path}/{FRAME}" else target
     place = read_placement(reading, xform)

@@ -34,5 +34,5 @@ def _check_unit_quaternions(reading: StageReading, op: UsdGeom.XformOp) -> None:
             at = "" if code == reading.units.start else f" at time code {code:g}"
             path = op.GetAttr().GetPrim().GetPath()
             reading.fail(path, f"{op.GetName()} is a quaternion of length {q.GetLength():g}{at}, which USD turns into a "
-                         "wrong rotation; allowed: a unit quaternion; mend: divide it by its length")
+                         "wrong rotation; allowed: a unit quaternion; fix: divide it by its length")
             return

@@ -161,4 +161,4 @@ def test_a_decomposition_of_what_is_hollow_is_a_warning_with_a_mend():
     scene.add(ball("/ball", (0.0, 1.0, 0.0)))
     scene.collider("/bowl", bowl(), approximation="convexDecomposition")
     (problem,) = [p for p in check_scene(scene) if p.path == "/bowl"]
-    assert not problem.fatal and "as one hull" in problem.text and "mend: " in problem.text
+    assert not problem.fatal and "as one hull" in problem.text and "fix: " in problem.text

@@ -65,11 +65,11 @@ def merge_joints(reading: StageReading, joints: list[Joint]) -> Joint | None:
             axes.append(axis)
     if len(axes) > 3 or any(abs(a @ b) > ACROSS for k, a in enumerate(axes) for b in axes[:k]):
         reading.fail(joints[0].path, f"{len(joints)} joints between the same bodies add mobility along axes that are not "
-                     "orthogonal; allowed: orthogonal axes; mend: put a body between each two of these joints")
+                     "orthogonal; allowed: orthogonal axes; fix: put a body between each two of these joints")
         return None
     if any(varying.path in {joint.path for joint in joints} for _, varying in reading.varying):
         reading.fail(joints[0].path, f"is one of {len(joints)} joints that add mobility between the same bodies, and a drive "
-                     "of theirs varies in time; allowed: constant targets; mend: put a body between each two of these joints")
+                     "of theirs varies in time; allowed: constant targets; fix: put a body between each two of these joints")
         return None
     if "transX" in free[(free + ["rotX"]).index("rotX"):]:
         reading.warn(joints[0].path, "a slide of theirs turns with a hinge before it, and here it does not: that is right for "

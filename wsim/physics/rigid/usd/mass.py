@@ -55,7 +55,7 @@ def mass_properties(reading: StageReading, prim: Usd.Prim, colliders: list[Colli
                   np.zeros((3, 3)))
     if not np.isfinite([*inertia.ravel(), *center, mass]).all():
         reading.fail(prim.GetPath(), f"the mass ({mass:g} kg), inertia or centre of its colliders is not finite; allowed: "
-                     "finite numbers; mend: check metersPerUnit and the sizes of its colliders")
+                     "finite numbers; fix: check metersPerUnit and the sizes of its colliders")
         return {}
     moments, axes = principal_axes(inertia)
     return {"mass": mass, "center": center, "inertia": moments, "axes": axes}
@@ -105,7 +105,7 @@ def _material_density(reading: StageReading, prim: Usd.Prim) -> float | None:
         return None
     density = UsdPhysics.MaterialAPI(material).GetDensityAttr().Get(reading.start) or 0.0
     if not 0.0 <= density < np.inf:
-        reading.fail(material.GetPath(), f"physics:density is {density:g}; allowed: a finite number > 0, or 0 for none; mend: "
+        reading.fail(material.GetPath(), f"physics:density is {density:g}; allowed: a finite number > 0, or 0 for none; fix: "
                      "author another density")
         return None
     return density * reading.units.factor("kg/m^3") or None
@@ -119,16 +119,16 @@ def _authored_mass_is_valid(reading: StageReading, prims: list[Usd.Prim]) -> boo
             attribute = prim.GetAttribute(f"physics:{name}")
             value = attribute.Get(reading.start) if attribute and attribute.HasAuthoredValue() else None
             if value is not None and not 0.0 <= value < np.inf:
-                reading.fail(prim.GetPath(), f"physics:{name} is {value:g}; allowed: a finite number > 0, or 0 for none; mend: "
+                reading.fail(prim.GetPath(), f"physics:{name} is {value:g}; allowed: a finite number > 0, or 0 for none; fix: "
                              f"author another {name}" + ("; to hold a body still, make it kinematic" if name == "mass" else ""))
                 found = False
             elif value == 0.0 and name == "mass":
-                reading.warn(prim.GetPath(), "physics:mass is 0, which USD takes as none: densities decide; mend: author a "
+                reading.warn(prim.GetPath(), "physics:mass is 0, which USD takes as none: densities decide; fix: author a "
                              "mass > 0, or physics:kinematicEnabled to hold a body still")
         center = prim.GetAttribute("physics:centerOfMass")
         place = np.array(center.Get(reading.start), np.float64) if center and center.HasAuthoredValue() else np.zeros(3)
         if not np.isfinite(place).all() and not np.isneginf(place).all():             # -inf: none
-            reading.fail(prim.GetPath(), f"physics:centerOfMass is {tuple(place.tolist())}; allowed: finite numbers; mend: "
+            reading.fail(prim.GetPath(), f"physics:centerOfMass is {tuple(place.tolist())}; allowed: finite numbers; fix: "
                          "author another, or take it away")
             found = False
     return found
