@@ -63,9 +63,9 @@ def test_a_mesh_is_cut_once_for_check_and_model(monkeypatch):
     scene = Scene(gravity=(0.0, 0.0, 0.0))
     sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 23, 29))
     cuts = []
-    cut = triangulate_polygons.__globals__["_cut"]
-    monkeypatch.setitem(triangulate_polygons.__globals__, "_cut", lambda *mesh: cuts.append(1) or cut(*mesh))
+    cut = triangulate_polygons.__globals__["_cut_polygons"]
+    monkeypatch.setitem(triangulate_polygons.__globals__, "_cut_polygons", lambda *mesh: cuts.append(1) or cut(*mesh))
     for _ in range(2):
         assert check_scene(scene) == []
         triangulate_polygons(sheet.points.astype(np.float64), sheet.counts, sheet.indices)
-    assert len(cuts) == 1                                     # quadrangles alone: one call of _cut for the whole mesh
+    assert len(cuts) == 1                                     # quadrangles alone: one call of _cut_polygons for the whole mesh
