@@ -86,16 +86,20 @@ class Ports:
     balance: Any = NONE
 
 
+NAMES = frozenset(f.name for f in fields(Ports))
 LISTS = frozenset(f.name for f in fields(Ports) if f.default_factory is list)
 
 
 class JoinedPorts:
-    """Ports of several methods: of each the first that is offered, of lists all entries."""
+    """Ports of several methods: of each the first that is offered, of lists all entries. Raises AttributeError for a name that
+    is none of a port's, also where there are no methods."""
 
     def __init__(self, methods: Sequence[Method]):
         self.methods = methods
 
     def __getattr__(self, name: str) -> Any:
+        if name not in NAMES:
+            raise AttributeError(f"no port is named {name!r}")
         offered = (getattr(method.offers, name) for method in self.methods)
         if name in LISTS:
             return [entry for found in offered for entry in found]

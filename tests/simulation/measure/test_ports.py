@@ -20,8 +20,9 @@ def test_the_first_offer_counts_and_lists_are_joined():
 
 
 def test_a_misspelt_port_is_an_error():
-    with pytest.raises(AttributeError, match="contcts"):
-        _ = Methods([Method("a")]).ports.contcts
+    for methods in ([Method("a")], []):
+        with pytest.raises(AttributeError, match="contcts"):
+            _ = Methods(methods).ports.contcts
 
 
 @pytest.mark.slow
