@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from tests.conftest import grid
+from tests.make.bench.bench import report, row
 from wsim import cli
 from wsim.bench import Report, bench, cache, front, reference, sweep
 from wsim.bench.budget import Budget
-from wsim.bench.front import MeasuredSetting
 from wsim.bench.setting import Setting, first_substeps, scene_is_smooth
 from wsim.bench.study import default_bench_frames
 from wsim.bench.track import SampledFrames, largest_body_extent, rms_point_distance, run_with_setting
@@ -25,16 +25,6 @@ from wsim.simulation.simulation import Simulation
 from wsim.usd import save
 
 G = 9.81
-
-
-def row(ms, largest, precision="float32", **more) -> MeasuredSetting:
-    return MeasuredSetting(Setting("xpbd", "bdf2", max(1, round(ms)), 4, precision), ms, largest, largest, **more)
-
-
-def report(rows, error=0.0, **more) -> Report:
-    known = {"setting": "explicit rk4 64 x 1 float64", "error": error, "ratio": 16.0, "seconds": 1.0, "notes": []}
-    return Report("a.usda", 16, 1.0, 24.0, 2, "cpu", "cpu", "CPU seconds of all threads", {"wsim": "1"}, known, [1.0, 2.0],
-                  [1, 2], more.pop("refused", ""), rows, **more)
 
 
 def spring_scene(**more) -> Scene:
@@ -95,7 +85,6 @@ def test_a_frame_that_takes_no_tick_of_the_clock_ends_a_series_in_words():
     there = reference.ReferenceSolution(None, 0.0, np.nan, np.ones(1), 0.0)
     made = sweep.BenchSweep(Scene(), None, there, None, print, rows=[row(0.0, 0.01)])
     assert not made.goes_on(row(1.0, 0.02)) and "10000 times faster" in made.left_out[0]["why"]
-
 
 
 # the reference

@@ -8,8 +8,8 @@ from math import inf
 import numpy as np
 import pytest
 
-from tests.bench.test_bench import report, row
 from tests.conftest import grid
+from tests.make.bench.bench import report, row
 from wsim.bench import cache
 from wsim.scene import Cloth, Collider, Load, Pin, Scene, Skin, Soft, Springs, Surface, Tie, Varying, shapes
 from wsim.scene.curve import Curve, Motion

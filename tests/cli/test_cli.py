@@ -14,21 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.make.cli.cli import ROOT, run, samples, wsim
 from wsim import cli
 from wsim.cli.run import delay_interrupts
 from wsim.simulation import report
 from wsim.usd import load, save
-
-ROOT = str(Path(__file__).resolve().parents[2])
-
-
-@pytest.fixture
-def stage(scene, tmp_path):
-    """The scene as a file."""
-    scene.frames = 4
-    path = str(tmp_path / "scene.usda")
-    save(scene, path)
-    return path
 
 
 @pytest.fixture
@@ -40,37 +30,11 @@ def swept(scene, tmp_path):
     return path
 
 
-@pytest.fixture
-def out(tmp_path):
-    return str(tmp_path / "out.usdc")
-
-
-def wsim(*arguments) -> int:
-    """Exit code of a command in this process."""
-    try:
-        return cli.main([str(a) for a in arguments])
-    except SystemExit as exit:
-        return exit.code
-
-
-def run(stage, out, *more) -> int:
-    return wsim("run", stage, "-o", out, "--device", "cpu", *more)
-
-
 def printed(code: str) -> str:
     """Last line that a fresh interpreter prints."""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()[-1]
-
-
-def samples(path, prim="/cloth"):
-    """{time code: points} of a result."""
-    from pxr import Usd, UsdGeom
-
-    stage = Usd.Stage.Open(str(path))
-    attribute = UsdGeom.Mesh(stage.GetPrimAtPath(prim)).GetPointsAttr()
-    return {code: np.array(attribute.Get(code)) for code in attribute.GetTimeSamples()}
 
 
 # before anything runs
@@ -258,14 +222,6 @@ def test_json_is_all_that_is_printed_and_holds_the_promised_keys(swept, out, cap
 def test_quiet_says_nothing(stage, out, capfd):
     assert run(stage, out, "--quiet", "--frames", "1") == 0
     assert capfd.readouterr().out == ""
-
-
-@pytest.fixture
-def heard():
-    """Ctrl-C as in a terminal: a shell starts what it puts in the background with it ignored, and children inherit that."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def test_ctrl_c_from_outside_ends_a_run_with_130(stage, out, heard):

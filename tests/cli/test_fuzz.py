@@ -5,8 +5,8 @@ import random
 import pytest
 from pxr import Gf, Sdf, Usd, Vt
 
-from tests.cli.test_check import stage
-from tests.cli.test_faults import VALID
+from tests.make.cli.check import stage
+from tests.make.cli.faults import VALID
 from wsim import load
 from wsim.scene import SceneError
 from wsim.scene.check.scene import check_scene

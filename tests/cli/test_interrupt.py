@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from tests.cli.test_cli import ROOT, heard, out, run, samples, stage  # noqa: F401   fixtures
+from tests.make.cli.cli import ROOT, run, samples
 from wsim.simulation import interrupt
 from wsim.simulation.simulation import Simulation
 
@@ -20,7 +20,7 @@ class Pressed:
         os.kill(os.getpid(), signal.SIGINT)
 
 
-def test_a_ctrl_c_in_a_destructor_ends_a_run_behind_the_frame(stage, out, heard, monkeypatch, capsys):  # noqa: F811
+def test_a_ctrl_c_in_a_destructor_ends_a_run_behind_the_frame(stage, out, heard, monkeypatch, capsys):
     step = Simulation.step
 
     def third(self):
@@ -35,7 +35,7 @@ def test_a_ctrl_c_in_a_destructor_ends_a_run_behind_the_frame(stage, out, heard,
 
 
 @pytest.mark.parametrize("came", ["swallowed", "turned"])
-def test_a_ctrl_c_that_became_something_else_is_still_one(came, heard, monkeypatch, capsys):  # noqa: F811
+def test_a_ctrl_c_that_became_something_else_is_still_one(came, heard, monkeypatch, capsys):
     from wsim import cli
     from wsim.cli import commands
 
@@ -80,7 +80,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a signal wakes no pipe there")
 @pytest.mark.parametrize("presses", [1, 2])
-def test_ctrl_c_within_a_call_of_c(presses, heard):  # noqa: F811
+def test_ctrl_c_within_a_call_of_c(presses, heard):
     """The first waits until the call returns; the second ends the process though it would last an hour."""
     rounds = 2_000_000 if presses == 1 else 2_000_000_000
     child = subprocess.Popen([sys.executable, "-c", LASTS.format(rounds=rounds)], stdout=subprocess.PIPE,

@@ -8,7 +8,7 @@ import pytest
 from pxr import Sdf
 
 import wsim
-from tests.cli.test_cli import run, samples
+from tests.make.cli.cli import run, samples
 from wsim import cli
 from wsim.cli.run import delay_scene_curves, subdivide_frames
 from wsim.scene import Scene, Surface

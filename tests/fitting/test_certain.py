@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.fitting.test_fit import CPU
+from tests.make.fitting.fit import CPU
 from tools.bench.fitting.cases import chain, net, plain, poisson, soft
 from wsim.fitting import Settings, Track, fit
 from wsim.fitting.least_squares.normal_equations import NormalEquations

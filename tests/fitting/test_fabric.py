@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.fitting.test_fit import bar, motion
+from tests.make.fitting.fit import bar, motion
 from tests.make.usda import BIND, Reader, cloth, fabric
 from wsim import cli
 from wsim.fitting import Settings, Track

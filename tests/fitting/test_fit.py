@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import wsim
-from wsim import Bulk, Fabric, Scene, SceneError, Simulation
+from tests.make.fitting.fit import CPU, bar, motion, sheet
+from wsim import Scene, SceneError, Simulation
 from wsim.fitting import Scan, Settings, Track, fit, read
 from wsim.fitting.copies import BrokenRun, SceneCopies, scene_with_named_choices
 from wsim.fitting.least_squares.bounds import FittingMap
@@ -15,34 +16,7 @@ from wsim.fitting.observations.observe import closest_on_triangle
 from wsim.fitting.parameter import parameters_of_names
 from wsim.scene import shapes
 
-CPU = Settings(device="cpu")
-FRAMES = 20
 FAR = {"stretch": 400.0, "bend": 5e-4}                 # both wrong by a factor 2
-
-
-def sheet(**more) -> Scene:
-    """8 x 8 points, 1 m wide, falls from the horizontal on two pinned corners."""
-    scene = Scene(fps=24, frames=FRAMES, solver="explicit", substeps=34, **more)
-    cloth = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 7, 7, horizontal=True),
-                        material=Fabric(stretch=200.0, shear=60.0, bend=1e-3, density=200.0))
-    scene.pin("/pin", cloth, [0, 7])
-    return scene
-
-
-def bar(young=1e5, nu=0.3) -> Scene:
-    """6 x 2 x 2 cells, held at one end, swings under its weight."""
-    scene = Scene(fps=60, frames=FRAMES, solver="implicit", integrator="backward_euler", substeps=2, iterations=2)
-    points, tets = shapes.block((0.6, 0.2, 0.2), (6, 2, 2))
-    body = scene.soft("/bar", points, tets, material=Bulk(young, nu, 1e3))
-    scene.pin("/wall", body, np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6))
-    return scene
-
-
-def motion(scene: Scene) -> np.ndarray:
-    """Positions [m] at frames 1, 2 ..., (frames, n, 3), in float64."""
-    sim, found = Simulation(scene, device="cpu", precision="float64"), []
-    sim.run(scene.frames, lambda s: found.append(s.positions()))
-    return np.array(found)
 
 
 def seen(x: np.ndarray, path: str, noise: float, seed: int = 0, sigma: float | None = None) -> list[Track]:

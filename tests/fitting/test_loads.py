@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.physics.motion.test_loads import GROWS, RATE, STAYS, T, pushed
+from tests.make.physics.motion.loads import GROWS, RATE, STAYS, T, pushed
 from wsim.fitting import Functional, Track
 from wsim.gradient.recording import Recording
 from wsim.scene import SceneError

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.test_gradients import sheet
-from tests.physics.contact.test_project_adjoint import SOLVERS, dropped
-from tests.physics.soft.test_plastic_adjoint import NEWTON, yielding
+from tests.make.gradient.gradients import sheet
+from tests.make.physics.contact.project_adjoint import SOLVERS, dropped
+from tests.make.physics.soft.plastic_adjoint import NEWTON, yielding
 from wsim.fitting import Track
 from wsim.fitting.memory import bytes_held_by
 from wsim.fitting.observations.residuals import Misfit

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.fitting.test_fields import CPU, QUICK, bar, halves, net, seen, sheet
-from tests.physics.contact.test_restitution import ball
+from tests.make.fitting.fields import CPU, QUICK, bar, halves, net, seen, sheet
+from tests.make.physics.contact.restitution import ball
 from wsim import SceneError, Simulation
 from wsim.fitting import Pull, Scan, Settings
 from wsim.fitting.fields.misfit import AdjointMisfit

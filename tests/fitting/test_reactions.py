@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.fitting.test_fit import CPU, bar, sheet
+from tests.make.fitting.fit import CPU, bar, sheet
 from wsim import SceneError, Simulation
 from wsim.fitting import Pull, Track, read
 from wsim.usd.prims.reactions import REACTION

@@ -5,7 +5,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from tests.conftest import grid
-from tests.usd.result.test_recorder import CLOTH, author, record, world
+from tests.make.usd.result.recorder import CLOTH, author, record, world
 from wsim.geometry.normals import AuthoredNormals, polygon_fans
 from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.usd.result.recorder import Recorder

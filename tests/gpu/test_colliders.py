@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.contact.collider.test_poses import crowd, met, mixed, table, tried
-from tests.physics.contact.test_candidate_lists import Pair, apart
+from tests.make.physics.contact.candidate_lists import Pair, apart
+from tests.make.physics.contact.collider.poses import crowd, met, mixed, table, tried
 from wsim.physics.contact import contacts
 
 wp.init()

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.contact.collider.test_poses import tried
-from tests.physics.motion.fused.test_kernel_fusion import staged
-from tests.physics.motion.test_carried import FRAMES, carried
-from tests.scene.curve.test_motion import KINDS, OUTSIDE, keys, made
-from tests.scene.curve.test_usd_splines import both
+from tests.make.physics.contact.collider.poses import tried
+from tests.make.physics.motion.carried import FRAMES, carried
+from tests.make.physics.motion.fused.kernel_fusion import staged
+from tests.make.scene.curve.motion import KINDS, OUTSIDE, keys, made
+from tests.make.scene.curve.usd_splines import both
 from wsim.model.launches import KernelLaunches
 from wsim.physics.contact import poses
 from wsim.scene import Collider, Sphere

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.test_gradients import bar, sheet
-from tests.physics.cloth.test_muscles import SOLVERS as PULLED
-from tests.physics.cloth.test_muscles import crawler, muscled
-from tests.physics.contact.test_collider_adjoint import slid
-from tests.physics.contact.test_project_adjoint import SOLVERS, dropped
-from tests.physics.contact.test_restitution import ball
-from tests.physics.soft.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
-from tests.physics.solver.test_newton_adjoint_contacts import NEWTON as SOLVED
-from tests.physics.solver.test_newton_adjoint_limits import landed, pulled
-from tests.simulation.test_simulation import chain, drape
-from tests.simulation.test_ties import laid
+from tests.make.gradient.gradients import bar, sheet
+from tests.make.physics.cloth.muscles import SOLVERS as PULLED
+from tests.make.physics.cloth.muscles import crawler, muscled
+from tests.make.physics.contact.collider_adjoint import slid
+from tests.make.physics.contact.project_adjoint import SOLVERS, dropped
+from tests.make.physics.contact.restitution import ball
+from tests.make.physics.soft.plastic_adjoint import LEAPFROG, NEWTON, yielding
+from tests.make.physics.solver.newton_adjoint_contacts import NEWTON as SOLVED
+from tests.make.physics.solver.newton_adjoint_limits import landed, pulled
+from tests.make.simulation.simulation import chain, drape
+from tests.make.simulation.ties import laid
 from tools.bench.nets import reference
 from wsim.gradient.recording import Recording
 from wsim.physics.solver import batch, coarse_space

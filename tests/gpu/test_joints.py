@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.rigid.test_joints import LAST, SCENES, seeds
+from tests.make.gradient.rigid.joints import LAST, SCENES, seeds
+from tests.make.physics.joints.aims import slider
+from tests.make.physics.joints.beside import run
+from tests.make.physics.joints.islands import chain
+from tests.make.physics.joints.sleep import chain as hanging
+from tests.make.physics.joints.sleep import sleepy
+from tests.make.physics.rigid.contact import Seen, ball
+from tests.make.physics.rigid.solver.sleep import asleep
 from tests.physics.joints.make import coordinates, errors, rod, start
-from tests.physics.joints.test_aims import slider
-from tests.physics.joints.test_beside import run
-from tests.physics.joints.test_islands import chain
-from tests.physics.joints.test_sleep import chain as hanging
-from tests.physics.joints.test_sleep import sleepy
-from tests.physics.rigid.solver.test_sleep import asleep
-from tests.physics.rigid.test_contact import Seen, ball
 from wsim.gradient.recording import Recording
 from wsim.physics.rigid.joints.joint import AXES, Drive, joint_between, revolute_joint
 from wsim.simulation.simulation import Simulation

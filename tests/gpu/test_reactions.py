@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.test_gradients import bar, net, sheet
-from tests.physics.cloth.test_muscles import SOLVERS as PULLED
-from tests.physics.cloth.test_muscles import muscled
-from tests.physics.soft.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
-from tests.physics.solver.test_xpbd_adjoint import SWEEPS
+from tests.make.gradient.gradients import bar, net, sheet
+from tests.make.physics.cloth.muscles import SOLVERS as PULLED
+from tests.make.physics.cloth.muscles import muscled
+from tests.make.physics.soft.plastic_adjoint import LEAPFROG, NEWTON, yielding
+from tests.make.physics.solver.xpbd_adjoint import SWEEPS
 from tools.bench.nets import reference
 from wsim.gradient.recording import Recording
 from wsim.simulation.simulation import Simulation

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.solver.test_colours import check_colours, heap
-from tests.physics.rigid.test_contact import Seen, ball, box, world
+from tests.make.physics.rigid.contact import Seen, ball, box, world
+from tests.make.physics.rigid.solver.colours import check_colours, heap
 from wsim.physics.rigid import forms
 from wsim.simulation.simulation import Simulation
 
@@ -104,7 +104,7 @@ def test_the_converged_mode_reaches_its_residual(name, monkeypatch):
 
 
 def test_gradients_of_a_free_body_are_those_of_a_cpu():
-    from tests.gradient.test_bodies import VALUES, bodies, recorded, seeds
+    from tests.make.gradient.bodies import VALUES, bodies, recorded, seeds
     poses, twists = seeds("/given")
     there, here = (recorded(bodies(), device=device).backward(poses=poses, twists=twists) for device in ("cuda:0", "cpu"))
     for name in VALUES:

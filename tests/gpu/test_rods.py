@@ -52,7 +52,7 @@ def test_a_strand_that_a_thin_collider_meets_between_its_points_goes_where_it_do
 
 
 def test_a_hair_in_the_wind_goes_where_it_does_on_a_cpu():
-    from tests.physics.rods.test_air import hair
+    from tests.make.physics.rods.air import hair
 
     def blown(device: str) -> tuple[np.ndarray, np.ndarray]:
         made, rods = hair(1, gravity=(0.0, -9.81, 0.0))
@@ -95,7 +95,7 @@ def test_no_strand_knows_its_place_in_the_list(monkeypatch):
 
 
 def test_hairs_that_follow_go_where_they_do_on_a_cpu():
-    from tests.physics.rods.test_follow import carried, combed
+    from tests.make.physics.rods.follow import carried, combed
 
     def places(device: str) -> np.ndarray:
         simulation = Simulation(combed(gravity=(0.0, -9.81, 0.0), curl=0.0)[0], device=device)
@@ -108,7 +108,7 @@ def test_hairs_that_follow_go_where_they_do_on_a_cpu():
 
 def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
     """Held by their ends, at 10 m/s; the same bits from run to run, and never passed."""
-    from tests.physics.rods.test_touch import linked, thrown
+    from tests.make.physics.rods.touch import linked, thrown
 
     def places(device: str) -> list[np.ndarray]:
         simulation = Simulation(thrown(1)[0], device=device)
@@ -124,7 +124,7 @@ def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
 
 
 def test_ropes_that_touch_go_on_where_an_earlier_run_ended_to_the_bit():
-    from tests.physics.rods.test_touch import thrown
+    from tests.make.physics.rods.touch import thrown
 
     def made() -> Simulation:
         return Simulation(thrown(2, 4.0)[0], device="cuda:0")
@@ -145,7 +145,7 @@ def test_ropes_that_touch_go_on_where_an_earlier_run_ended_to_the_bit():
 @pytest.mark.parametrize("on", [False, True], ids=["alone", "touching"])
 def test_a_rope_and_a_box_that_collide_go_as_on_a_cpu(on):
     """The same bits from run to run; momentum of both."""
-    from tests.physics.rods.test_bodies import masses, thrown
+    from tests.make.physics.rods.bodies import masses, thrown
 
     def thrown_on(device: str):
         simulation = Simulation(thrown(0.2, on, 3.0), device=device)
@@ -162,7 +162,7 @@ def test_a_rope_and_a_box_that_collide_go_as_on_a_cpu(on):
 @pytest.mark.parametrize("on", [False, True], ids=["alone", "touching"])
 def test_a_bar_and_a_box_on_edges_of_ropes_go_as_on_a_cpu(on):
     """A bar that is thrown between two points, and a box that falls by an edge: the same bits from run to run."""
-    from tests.physics.rods.test_body_edges import EDGE, blow, landing
+    from tests.make.physics.rods.body_edges import EDGE, blow, landing
 
     def gone(device: str) -> list[np.ndarray]:
         found = []

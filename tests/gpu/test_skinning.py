@@ -5,9 +5,9 @@ import pytest
 import warp as wp
 
 import wsim
+from tests.make.physics.animation.dressed import clothed, seen
+from tests.make.physics.animation.skinning import nearest_faces, track
 from tests.physics.animation.make import bones, lump, scene_of, skin
-from tests.physics.animation.test_dressed import clothed, seen
-from tests.physics.animation.test_skinning import nearest_faces, track
 from tools.bench.contact.skinning import character, speed
 from wsim.geometry.triangulate import triangulate_polygons
 from wsim.kernels.contact.project import SUNK

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.contact.selfcontact.test_modules import swept
-from tests.physics.rigid.test_contact import ball, box
-from tests.physics.rigid.touch.test_blows import FREE, by
+from tests.make.physics.contact.selfcontact.modules import swept
+from tests.make.physics.rigid.contact import ball, box
+from tests.make.physics.rigid.touch.blows import FREE, by
 from tests.physics.rigid.touch.touching import Mixed, run, scene
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import net
-from tests.physics.contact.test_project_adjoint import SOLVERS, dropped
+from tests.make.gradient.gradients import net
+from tests.make.physics.contact.project_adjoint import SOLVERS, dropped
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.gradient.rollout.smoothed import trust

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.test_gradients import net
+from tests.make.gradient.gradients import net
 from wsim.gradient import checkpoints
 from wsim.gradient.checkpoints import CheckpointCosts
 from wsim.gradient.recording import Recording

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import net, sheet
-from tests.gradient.test_value import flat, recording_of
-from tests.make.wheels import ROW
-from tests.make.wheels.objects import Wheel
-from tests.physics.animation.test_dressed import clothed
-from tests.physics.animation.test_gradients import UNFOLLOWED, changed
+from tests.make.gradient.gradients import net, sheet
+from tests.make.gradient.value import flat, recording_of
+from tests.make.physics.animation.dressed import clothed
+from tests.make.physics.animation.gradients import UNFOLLOWED, changed
+from tests.make.rows.wheels import ROW
+from tests.make.rows.wheels.objects import Wheel
 from wsim import Box, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording

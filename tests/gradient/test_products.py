@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import bar, leapfrog, net, sheet
-from tests.simulation.test_ties import laid
+from tests.make.gradient.gradients import bar, leapfrog, net, sheet
+from tests.make.simulation.ties import laid
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import FEW, SIZES, Rollout
 from wsim.gradient.rollout.richardson import richardson_derivative, richardson_offsets, richardson_order

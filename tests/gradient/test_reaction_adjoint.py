@@ -4,51 +4,16 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.gradient.test_gradients import WEIGHTS, bar, everything_of_a_sheet, net, sheet
-from tests.gradient.test_gradients import Run as Positions
-from tests.physics.cloth.test_muscles import FACTORS, SOLVERS, muscled
-from tests.physics.cloth.test_rest_shape import by_rest_shape
-from tests.physics.soft.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
-from tests.physics.solver.test_xpbd_adjoint import SWEEPS, everything_of_wind
+from tests.make.gradient.gradients import bar, everything_of_a_sheet, net, sheet
+from tests.make.gradient.reaction_adjoint import Run
+from tests.make.physics.cloth.muscles import FACTORS, SOLVERS, muscled
+from tests.make.physics.cloth.rest_shape import by_rest_shape
+from tests.make.physics.soft.plastic_adjoint import LEAPFROG, NEWTON, yielding
+from tests.make.physics.solver.xpbd_adjoint import SWEEPS, everything_of_wind
 from wsim.gradient.recording import Recording
-from wsim.scene import Scene, SceneError
+from wsim.scene import SceneError
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
-
-
-class Run(Positions):
-    """As that of positions, with a linear loss of reactions at two frames beside it."""
-
-    def __init__(self, scene: Scene, frames: int = 3, **how):
-        super().__init__(scene, frames, **how)
-        self.pin = scene.pins[0]
-        self.r = np.random.default_rng(7).normal(size=(2, len(self.pin.points), 3))
-        self.at = (frames - 1, frames)
-        self.gradient = self.recording.backward({frames: {self.path: self.x}}, {frames: {self.path: self.v}},
-                                                {f: {self.pin.path: r} for f, r in zip(self.at, self.r, strict=True)})
-
-    def loss(self) -> float:
-        borne = sum((self.recording.reactions(f) * each).sum() for f, each in zip(self.at, self.r, strict=True))
-        return super().loss() + float(borne)
-
-    def slope(self, values, step: float) -> float:
-        parts = [sign * k * step for k in range(1, 5) for sign in (1, -1)]
-        solved = self.scene.solver == "implicit"
-        sim = Simulation(self.scene, device="cpu", precision="float64", worlds=len(parts), gradients=solved)
-        for world, s in enumerate(parts):
-            sim.set(*values(s), world)
-        recording, losses = Recording(sim, self.frames) if solved else None, np.zeros(len(parts))
-        if recording:
-            recording.run()
-        for frame, r in zip(self.at, self.r, strict=True):
-            if not recording:
-                sim.run(frame - sim.frame)
-            force = (lambda w, f=frame: recording.reactions(f, self.pin.path, w)) if recording else \
-                (lambda w: sim.reactions(self.pin.path, w))
-            losses += [(force(w) * r).sum() for w in range(len(parts))]
-        losses += [(sim.positions(self.path, w) * self.x).sum() + (sim.velocities(self.path, w) * self.v).sum()
-                   for w in range(len(parts))]
-        return float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
 
 
 @pytest.mark.parametrize("how", [{}, {"keep": "checkpoints"}])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import net
+from tests.make.gradient.gradients import net
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.gradient.rollout.smoothed import _judge_slopes, trust

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.test_gradients import bar, net, sheet
-from tests.physics.solver.test_xpbd_adjoint import SWEEPS
+from tests.make.gradient.gradients import bar, net, sheet
+from tests.make.physics.solver.xpbd_adjoint import SWEEPS
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.model.launches import KernelLaunches

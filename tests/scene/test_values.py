@@ -1,4 +1,5 @@
-"""A value of one row and one file (tests/make/brake) goes through all that those of wsim go through; the table says what is."""
+"""A value of one row and one file (tests/make/rows/brake) goes through all that those of wsim go through; the table
+says what is."""
 
 import re
 from dataclasses import fields
@@ -7,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.make.brake import ROW, VALUE
-from tests.make.brake.objects import Brake
+from tests.make.rows.brake import ROW, VALUE
+from tests.make.rows.brake.objects import Brake
 from wsim import Bulk, Cloth, Collider, Fabric, Simulation, Soft, Springs
 from wsim.fitting import Settings, Track, fit, parameter
 from wsim.fitting.fields import field

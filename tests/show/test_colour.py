@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
-from tests.make.soft_bar import bar
+from tests.make.physics.soft.soft_bar import bar
 from tests.make.usda import Reader, cloth
 from wsim import Cloth, Fabric, load, save
 from wsim.cli import main

@@ -3,7 +3,7 @@
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from tests.show.test_picture import ball
+from tests.make.show.picture import ball
 from wsim.show.camera import Camera
 from wsim.show.image.label import label_image, rasterize_text
 from wsim.show.picture import framed_points

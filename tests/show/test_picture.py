@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from tests.make.show.picture import SIDES, ball
 from wsim.geometry import primitives, topology
 from wsim.kernels.picture import ray
 from wsim.scene import SceneError
@@ -18,13 +19,7 @@ from wsim.show.picture import RayCaster, picture, render
 from wsim.show.shading import MeshLook, smoothing_groups
 from wsim.show.visible import read_visible_stage
 
-SIDES = 64
 GROUND, SURFACE = int(ray.GROUND), int(ray.SURFACE)
-
-
-def ball(radius: float = 1.0) -> tuple[np.ndarray, MeshLook]:
-    points, triangles = primitives.sphere_outline(radius, SIDES)
-    return points, MeshLook(triangles, normal_of=smoothing_groups(points, triangles))
 
 
 def taken(meshes, camera: Camera, size=(96, 64), floor: float | None = None) -> RayCaster:

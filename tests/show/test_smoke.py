@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdVol
 
-from tests.show.test_view import needs_rerun, rows
+from tests.make.show.smoke import N, cloud, plate
+from tests.make.show.view import needs_rerun, rows
 from wsim.geometry import primitives
 from wsim.kernels.picture import ray
 from wsim.scene import SceneError
@@ -15,29 +16,10 @@ from wsim.scene.samples import VolumeSample
 from wsim.show.camera import Camera
 from wsim.show.picture import RayCaster, picture
 from wsim.show.shading import MeshLook
-from wsim.show.smoke.read import DENSE, SmokeDensity, SmokeVolume, smoke_beads
+from wsim.show.smoke.read import DENSE, SmokeDensity, smoke_beads
 from wsim.show.visible import read_visible_stage
 from wsim.usd.result.kinds.beside import SidecarFiles
 from wsim.usd.result.kinds.rows import sample_attribute_values
-
-N = 16
-
-
-def cloud(values: np.ndarray, low=(-1.0, -1.0, -1.0), edge: float = 2.0,
-          depth: float = 1.0) -> tuple[SmokeVolume, SmokeDensity]:
-    """Smoke in a cube of that edge [m], of optical depth `depth` across where it is 1."""
-    M = np.eye(4)
-    M[:3, :3] *= edge / len(values)
-    M[:3, 3] = np.array(low) + 0.5 * edge / len(values)
-    box = np.array(low) + edge * np.array(list(np.ndindex(2, 2, 2)))
-    made = SmokeVolume("/smoke", np.full(3, 0.8), lambda t: None, lambda t: box, [0.0])
-    made.__dict__["extinction"] = depth / edge
-    return made, SmokeDensity(values.astype(np.float32), M)
-
-
-def plate(z: float, half: float = 4.0, color=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, MeshLook]:
-    points, triangles = primitives.plate_outline(half, half)
-    return points + [0.0, 0.0, z], MeshLook(triangles, np.array([color]))
 
 
 def taken_from(meshes, clouds, eye=(0.0, 0.0, 9.0), size=(64, 64), floor=None, seen=None) -> np.ndarray:

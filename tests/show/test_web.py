@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import grid
-from tests.show.test_view import Stepped, needs_rerun
+from tests.make.show.view import Stepped, needs_rerun
 from wsim.cli import main
 from wsim.scene import Scene, SceneError
 from wsim.show.viewer import Viewer, view

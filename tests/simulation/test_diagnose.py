@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.gradient.test_gradients import net
+from tests.make.gradient.gradients import net
 from wsim import Motion, SceneError, Simulation
 from wsim.fitting import Settings, Track
 from wsim.gradient.recording import Recording

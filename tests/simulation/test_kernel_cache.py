@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.simulation.test_simulation import chain, drape
+from tests.make.simulation.simulation import chain, drape
 from wsim import cli
 from wsim.model import kernel_cache
 from wsim.scene import SceneError

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import bar
+from tests.make.gradient.gradients import bar
 from wsim.gradient.recording import Recording
 from wsim.scene import Scene, shapes
 from wsim.scene.check import scene as check

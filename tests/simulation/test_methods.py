@@ -1,4 +1,4 @@
-"""A method of one folder and one row (tests/make/wheels) goes through all that those of wsim go through."""
+"""A method of one folder and one row (tests/make/rows/wheels) goes through all that those of wsim go through."""
 
 from dataclasses import replace
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pxr import Usd
 
-from tests.make.wheels import ROW, VALUES
-from tests.make.wheels.objects import Wheel
+from tests.make.rows.wheels import ROW, VALUES
+from tests.make.rows.wheels.objects import Wheel
 from wsim.cli import main
 from wsim.cli.run import prepare_recorded_run
 from wsim.scene import Scene, SceneError, methods, shapes
@@ -66,7 +66,7 @@ def test_it_turns_as_its_closed_form_says_alone_and_beside_cloth(cloth):
 
 def test_it_may_take_several_steps_in_a_substep(monkeypatch):
     """Of a third of the substep's length each; the plan says so."""
-    from tests.make.wheels import method
+    from tests.make.rows.wheels import method
     monkeypatch.setattr(method, "SUBDIVIDE", 3)
     sim = Simulation(wheels(True), precision="float64", **CPU)
     sim.run(8)

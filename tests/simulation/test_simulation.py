@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.make.simulation.simulation import chain, drape
 from tools.bench.nets import reference
 from wsim.model.stage import Remedy
 from wsim.physics.rigid.objects import Body
@@ -17,24 +18,6 @@ from wsim.simulation.simulation import Simulation
 
 CPU = {"device": "cpu"}
 DOUBLE = {"device": "cpu", "precision": "float64"}
-
-
-def chain(n: int, stiffness: float = 200.0, mass: float = 0.01, **more) -> Scene:
-    """n springs of 0.1 m hanging from a pinned point."""
-    points = np.zeros((n + 1, 3))
-    points[:, 1] = -0.1 * np.arange(n + 1)
-    scene = Scene(solver="xpbd", fps=60.0, **more)
-    net = scene.net("/chain", points, [[i, i + 1] for i in range(n)], [stiffness], [mass])
-    scene.pin("/pin", net, [0])
-    return scene
-
-
-def drape(**more) -> Scene:
-    """A small cloth over a ball on a floor."""
-    scene = Scene(solver="xpbd", fps=60.0, substeps=8, iterations=4, **more)
-    scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 12, 12, horizontal=True), material=Fabric(stretch=800.0, bend=1e-4))
-    scene.collider("/ball", Sphere(0.25), at=(0.02, -0.27, 0.01))
-    return scene
 
 
 def trajectory_error(scene: Scene, where, **options) -> list[float]:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.make.usd.usda_soft import SOLID, solid, volume
 from tests.make.usda import BIND, SHEET, Reader, cloth, errors, fabric, notes
-from tests.make.usda_soft import SOLID, solid, volume
 from wsim import Scene, Simulation
 from wsim.cli.run import delay_scene_curves
 from wsim.fitting.parameter import parameters_of_names

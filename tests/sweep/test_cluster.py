@@ -12,7 +12,7 @@ import time
 import pytest
 
 import wsim
-from tests.sweep.test_sweep import hung, lasting, table
+from tests.make.sweep.sweep import hung, lasting, table
 from wsim.scene import SceneError
 from wsim.sweep.job import Settings
 
@@ -123,7 +123,7 @@ def test_ray_adds_less_than_a_twentieth_to_runs_of_a_second(file, tmp_path):
     """Ten runs one after another on one worker, from the first that is handed out to the last row."""
     from wsim.sweep.cluster import RayCluster
     from wsim.sweep.job import Job
-    job = Job(file, {}, str(tmp_path), 0, Settings(device="cpu", workers=1), runs="tests.make.sleeper")
+    job = Job(file, {}, str(tmp_path), 0, Settings(device="cpu", workers=1), runs="tests.make.sweep.sleeper")
     with RayCluster(job) as workers:
         next(iter(workers.run([[(0, {})]])))                     # the worker has made what it needs
         began = time.perf_counter()
@@ -142,7 +142,7 @@ def test_an_address_where_nothing_answers_is_told(file, tmp_path):
 @pytest.mark.parametrize("killed", [False, True])
 def test_one_fit_whose_copies_are_on_two_workers_is_that_of_one_process(killed, cluster):
     """To the bit, with turns of three copies on each, and where a worker is killed on the way."""
-    from tests.fitting.test_shared import WINDS, hung, seen
+    from tests.make.fitting.shared import WINDS, hung, seen
     from wsim.fitting.fit import Settings as Fitting
     from wsim.fitting.fit import fit
     from wsim.sweep.team import Team

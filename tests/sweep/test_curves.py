@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.sweep.test_sweep import CPU, file, lasting  # noqa: F401  (file: a fixture)
-from tests.sweep.test_worlds import HOW, cloth
+from tests.make.sweep.sweep import CPU, lasting
+from tests.make.sweep.worlds import HOW, cloth
 from wsim.scene import Motion, SceneError, Varying
 from wsim.scene.curve import Curve
 from wsim.simulation.simulation import Simulation
@@ -72,7 +72,7 @@ def files(tmp_path) -> dict[str, str]:
             "soft": written(tmp_path / "soft.csv", "time,stretch", [(0, 300), (0.125, 100)])}
 
 
-def test_curves_of_files_are_drawn_and_worlds_of_them_give_the_table_of_runs_alone(file, files, tmp_path):  # noqa: F811
+def test_curves_of_files_are_drawn_and_worlds_of_them_give_the_table_of_runs_alone(file, files, tmp_path):
     vary = [f"wind=list({files['gust']},{files['calm']},2 0 0)", f"/World/Pin:motion=list({files['swing']},{files['still']})",
             f"/World/Cloth:stretch=list({files['soft']},250)"]
     tables = [list(wsim.sweep(file, vary, tmp_path / str(n), settings=Settings(device="cpu", worlds=n))) for n in (1, 12)]
@@ -91,7 +91,7 @@ def test_curves_of_files_are_drawn_and_worlds_of_them_give_the_table_of_runs_alo
     assert tables[0][0]["max_strain"] == pytest.approx(sim.indicators()["max_strain"], rel=1e-6)
 
 
-def test_a_draw_stands_for_what_the_scene_says_over_time(file, files, tmp_path):  # noqa: F811
+def test_a_draw_stands_for_what_the_scene_says_over_time(file, files, tmp_path):
     """A plain number of a value that varies in the file is that number."""
     scene = wsim.load(file)
     plain = list(wsim.sweep(replace(scene, source=None), "wind=list(3 0 0)", tmp_path / "plain", settings=CPU))
@@ -106,7 +106,7 @@ def test_a_draw_stands_for_what_the_scene_says_over_time(file, files, tmp_path):
     ("wind_x=list({soft})", "wind_x takes no curve; vary wind, of three numbers"),
     ("/World/Pin:motion=list(1,2)", "motion is 1.0; allowed are files of curves"),
 ])
-def test_files_that_are_no_curves_are_refused_before_anything_runs(file, files, tmp_path, vary, words):  # noqa: F811
+def test_files_that_are_no_curves_are_refused_before_anything_runs(file, files, tmp_path, vary, words):
     with pytest.raises(SceneError, match=words):
         wsim.sweep(file, vary.format(**files), tmp_path / "out", settings=CPU)
     assert not (tmp_path / "out").exists()

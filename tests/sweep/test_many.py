@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.sweep.test_sweep import hung, table
+from tests.make.sweep.sweep import hung, table
 from wsim import cli
 from wsim.scene import SceneError
 from wsim.sweep.job import Settings

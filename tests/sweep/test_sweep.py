@@ -1,6 +1,5 @@
 """Sweeps in this process: the table, what is refused before anything runs, what is gone on with."""
 
-import csv
 import json
 import os
 from dataclasses import replace
@@ -9,41 +8,11 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.conftest import grid
+from tests.make.sweep.sweep import CPU, hung, lasting, table
 from wsim import cli
-from wsim.scene import Scene, SceneError, Sphere
-from wsim.scene.fabric import Fabric
+from wsim.scene import SceneError
 from wsim.simulation.simulation import Simulation
-from wsim.sweep.folder import CIRCUMSTANCES, csv_cell
 from wsim.sweep.job import Settings
-
-CPU = Settings(device="cpu")
-
-
-def hung(path, **more) -> str:
-    """A file of a cloth of 16 points that is held at two of them, above a ball."""
-    scene = Scene(**{"frames": 3, "substeps": 4, "iterations": 3, "solver": "xpbd", "integrator": "backward_euler"} | more)
-    cloth = scene.cloth("/World/Cloth", *grid(), material=Fabric(stretch=300.0, bend=1e-4, damping=1e-3), model="springs",
-                        drag=1.0)
-    scene.pin("/World/Pin", cloth, points=[0, 3])
-    scene.collider("/World/Ball", Sphere(0.2), at=(0.5, -0.5, 0.5))
-    wsim.save(scene, str(path))
-    return str(path)
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory) -> str:
-    return hung(tmp_path_factory.mktemp("scene") / "hung.usda")
-
-
-def table(folder) -> list[dict]:
-    with open(folder / "runs.csv", newline="") as text:
-        return list(csv.DictReader(text))
-
-
-def lasting(rows) -> list[dict]:
-    """Rows without what a machine and its clock decide."""
-    return [{k: csv_cell(v) for k, v in row.items() if k not in CIRCUMSTANCES} for row in rows]
 
 
 def test_a_row_is_what_a_simulation_of_its_own_gives(file, tmp_path):

@@ -30,6 +30,13 @@ def test_the_sources_keep(rule):
     assert list(rule(FILES)) == []
 
 
+def test_helpers_that_tests_share_stand_in_tests_make():
+    """A file of tests takes no function of another: somebody who changes a test breaks only that test."""
+    taken = [(str(path), name) for path, text in FILES.items() for node in ast.walk(lint.parsed(text))
+             if isinstance(node, ast.ImportFrom) and re.match(r"tests\..*\btest_", node.module or "") for name in [node.module]]
+    assert taken == []
+
+
 def test_both_statistics_of_names_complain_when_they_get_worse():
     odd = {Path(f"wsim/odd_{k}.py"): "def move():\n    def move():\n        return 0\n    return move\n" for k in range(2000)}
     once, words = lint.lint_names.worse_names(dict(lint.product({**FILES, **odd}).values()))

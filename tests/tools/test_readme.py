@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
+from tests.make.tools.readme import FOLDERS
 from tools import ci, schema_table
 from tools.lint import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 PROSE = re.sub(r"^```.*?^```", "", TEXT, flags=re.M | re.S)
-FOLDERS = ("scenes", "scenes/examples", "tools", "tools/results", "wsim/fitting", "wsim/gradient", "wsim/physics", "wsim/sweep")
 SHORT = ("scenes", "scenes/examples", "tools", "tools/results")
 RESULTS = ROOT / "tools/results"
 

@@ -4,7 +4,7 @@ import re
 import shlex
 
 import wsim
-from tests.tools.test_readme import FOLDERS
+from tests.make.tools.readme import FOLDERS
 from tools.lint import ROOT
 
 

@@ -210,7 +210,7 @@ def test_scenes_run(name):
 def test_rollers_pull_a_cloth_at_their_speed():
     """30 cm/s: the gap between prisms of 96 sides is 0.95 mm at most, always narrower than the cloth (of 48 sides it opened to
     1.1 mm, and the cloth slipped by 1.4 %). No triangles intersect."""
-    from tests.physics.contact.selfcontact.test_colliders import crossed
+    from tests.make.physics.contact.selfcontact.colliders import crossed
     from wsim.simulation.simulation import Simulation
     sim, places = Simulation(load(FOLDER / "rollers.usda"), device="cpu"), []
     for _ in range(30):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.physics.cloth.test_air import sheet
+from tests.make.physics.cloth.air import sheet
 from tools.stress import examples, work
 from wsim.scene import Load, Sphere
 from wsim.scene.curve import Curve, Motion

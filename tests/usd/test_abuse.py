@@ -1,54 +1,14 @@
 """Nothing that can be written into a stage ends as a traceback: it loads, or it is a SceneError."""
 
-import numpy as np
 import pytest
 from pxr import Sdf, Usd
 
+from tests.make.usd.abuse import refusals
+from tests.make.usd.usd import _scene
 from tests.make.usda import BIND, Reader, cloth, errors, fabric
-from tests.usd.test_usd import _scene
 from wsim.scene import SceneError
 from wsim.usd import save
 from wsim.usd.load import read_stage
-
-NAN = float("nan")
-SCALARS = {"float": (NAN, float("inf"), -1.0, 0.0, 1e30), "double": (NAN, float("inf"), -1.0, 0.0, 1e30),
-           "int": (-1, 0, 2**31 - 1), "token": ("", "nonsense")}
-
-
-def spoilt(attribute: Usd.Attribute) -> list:
-    """Values of the attribute's type that make no sense."""
-    kind, value = str(attribute.GetTypeName()), attribute.Get(Usd.TimeCode.EarliestTime())
-    if kind in SCALARS:
-        return list(SCALARS[kind])
-    if kind == "matrix4d":
-        return [value * 0.0, value * NAN]
-    if not kind.endswith("[]") or value is None:
-        return []
-    found = [type(value)(), type(value)(list(value)[:-1]), type(value)(list(value) * 2)]
-    data = np.array(value)
-    for bad in {"f": (NAN, np.inf, -1.0, 0.0), "i": (-1, 10**6)}.get(data.dtype.kind, ()):
-        other = data.copy()
-        other[len(other) // 2] = bad
-        found.append(type(value).FromNumpy(other))
-    return found
-
-
-def refusals(path) -> tuple[int, int]:
-    """Spoilt values of a stage's attributes that are refused, each for reasons with a path, and those that were tried."""
-    stage = Usd.Stage.Open(str(path))
-    stage.SetEditTarget(stage.GetSessionLayer())
-    refused = tried = 0
-    for attribute in (a for prim in stage.Traverse() for a in prim.GetAuthoredAttributes()):
-        for value in spoilt(attribute):
-            stage.GetSessionLayer().Clear()
-            attribute.Set(value)
-            tried += 1
-            try:
-                read_stage(stage)
-            except SceneError as error:
-                refused += 1
-                assert all(problem.path and problem.text for problem in error.problems)
-    return refused, tried
 
 
 def test_a_spoilt_attribute_is_read_or_refused(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.make.validate import validate
+from tests.make.usd.validate import validate
 from wsim import usd
 from wsim.cli import main
 from wsim.scene.samples import ColourSample

@@ -95,7 +95,7 @@ def test_no_deformable_names_the_meshes_and_the_command(read):
 
 
 def test_an_empty_stage_says_what_could_be_by_the_rows_of_methods_too(read, monkeypatch):
-    from tests.make.wheels import ROW
+    from tests.make.rows.wheels import ROW
     from wsim.usd.new import hints
     monkeypatch.setattr(hints, "METHODS", [*hints.METHODS, ROW])
     text = errors(read, 'def Xform "empty" {}\n')

@@ -4,8 +4,8 @@ import tracemalloc
 
 import pytest
 
+from tests.make.usd.usda_soft import SIM, SOLID, TWO, place, solid, volume
 from tests.make.usda import BIND, SHEET, Reader, cloth, errors, fabric, notes
-from tests.make.usda_soft import SIM, SOLID, TWO, place, solid, volume
 
 PIN = """def PhysicsAttachment "{}" {{
     rel physics:src0 = </cloth>

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.make.usd.abuse import refusals
+from tests.make.usd.prims.soft import soft_scene
+from tests.make.usd.usda_soft import BONE, SOLID, TWO, part, solid, volume
 from tests.make.usda import Reader, errors
-from tests.make.usda_soft import BONE, SOLID, TWO, part, solid, volume
-from tests.usd.prims.test_soft import soft_scene
-from tests.usd.test_abuse import refusals
 from wsim.scene.check import soft
 from wsim.usd import save
 

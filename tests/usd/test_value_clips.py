@@ -6,8 +6,8 @@ import pytest
 from pxr import Sdf, Usd
 
 import wsim
+from tests.make.usd.prims.skeleton import COLLIDES, character, mesh
 from tests.make.usda import cloth
-from tests.usd.prims.test_skeleton import COLLIDES, character, mesh
 
 CODES = np.arange(0.0, 25.0, 6.0)
 PINNED = """

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.fluid import test_bodies, test_window
+from tests.make.physics.fluid import bodies
+from tests.make.physics.fluid.obstacles.walls import duct
+from tests.physics.fluid import test_window
 from tests.physics.fluid.liquid import test_sheets
-from tests.physics.fluid.obstacles.test_walls import duct
 from wsim.physics.fluid.objects import Fluid
 from wsim.scene import Scene
 from wsim.simulation.simulation import Simulation
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA devi
 
 
 def smoke_and_body() -> Scene:
-    return test_bodies.room(force=(0.02, 0.0, 0.0))
+    return bodies.room(force=(0.02, 0.0, 0.0))
 
 
 def kept() -> Scene:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.fluid.pressure.islands import stretched
 from tests.physics.fluid.flows import box, error, method, put, taylor_green
-from tests.physics.fluid.pressure.test_islands import stretched
 from wsim.physics.fluid.objects import Source
 from wsim.scene import Motion
 from wsim.scene.solids import Sphere

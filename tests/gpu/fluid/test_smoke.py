@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.show.test_smoke import N, cloud, plate
+from tests.make.show.smoke import N, cloud, plate
 from wsim.show.camera import Camera
 from wsim.show.picture import RayCaster
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.rods.with_surfaces import crossed, thrown
 from tests.physics.contact.selfcontact.rig import solvers
-from tests.physics.rods.test_with_surfaces import crossed, thrown
 from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.soft_bar import bar
+from tests.make.physics.soft.soft_bar import bar
 from wsim import Bulk
 from wsim.physics.motion.fused import conjugate
 from wsim.scene import Plane, shapes

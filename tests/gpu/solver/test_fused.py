@@ -6,7 +6,7 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.motion.fused.test_kernel_fusion import SCENES
+from tests.make.physics.motion.fused.kernel_fusion import SCENES
 from wsim.model.launches import KernelLaunches
 from wsim.physics.motion.fused import domain_decomposition, kernel_fusion
 from wsim.physics.motion.fused.source import CLUSTER, GRID, LaunchShape

@@ -6,8 +6,8 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.gpu.solver.test_sheets import end, moves_alike
-from tests.physics.motion.fused.test_kernel_fusion import CLOTH, moved
+from tests.make.gpu.solver.sheets import end, moves_alike
+from tests.make.physics.motion.fused.kernel_fusion import CLOTH, moved
 from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Motion, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Curve

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.contact.midpoint import draped, fallen
 from tests.physics.contact.selfcontact.rig import crossed, said
-from tests.physics.contact.test_midpoint import draped, fallen
 from wsim.scene import Sphere, Surface, shapes
 from wsim.simulation.simulation import Simulation
 

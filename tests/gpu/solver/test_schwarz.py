@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.solver.schwarz.test_schwarz import sheet
+from tests.make.physics.solver.schwarz.schwarz import sheet
 from wsim.physics.solver.schwarz import solver
 from wsim.simulation.simulation import Simulation
 

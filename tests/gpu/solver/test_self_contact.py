@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.contact.selfcontact.colliders import crossed, dropped, spike, turning
+from tests.make.physics.contact.selfcontact.squeezed import squeezed
 from tests.physics.contact.selfcontact.rig import SOLVERS, run, said, thrown
 from tests.physics.contact.selfcontact.rig import crossed as intersections
-from tests.physics.contact.selfcontact.test_colliders import crossed, dropped, spike, turning
-from tests.physics.contact.selfcontact.test_squeezed import squeezed
 
 wp.init()
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")

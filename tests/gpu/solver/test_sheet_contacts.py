@@ -8,9 +8,10 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.contact.test_candidate_lists import blob, surface
-from tests.physics.contact.test_candidate_lists import sheet as open_sheet
-from tests.physics.motion.fused.test_kernel_fusion import CLOTH, jelly, many, mesh, moved, sheet
+from tests.make.gpu.solver.sheet_contacts import run
+from tests.make.physics.contact.candidate_lists import blob, surface
+from tests.make.physics.contact.candidate_lists import sheet as open_sheet
+from tests.make.physics.motion.fused.kernel_fusion import CLOTH, jelly, many, mesh, moved, sheet
 from wsim.model.launches import KernelLaunches
 from wsim.physics.motion.fused import domain_decomposition
 from wsim.scene import Box, Capsule, Motion, Plane, Scene, Sphere, shapes
@@ -102,14 +103,6 @@ BLOCKS = {"cluster": 8, "grid": 32}
 # Frames of four. In frame 3 the blob's sheet springs off folds at 4.8 m/s: places that begin one rounding apart (1.5e-8 m) are
 # 3e-7 to 7e-7 m apart behind frame 2, in which 33 points touch, and 4e-6 to 6e-6 behind frame 4 (launch by launch on a CPU)
 FRAMES = {"blob": 2}
-
-
-def run(scene: Scene, frames: int = 4):
-    sim = wsim.Simulation(scene, device="cuda:0")
-    for _ in range(frames):
-        sim.step()
-    contacts = sim.plan.ports.contacts
-    return sim, sim.state.x.numpy(), sim.state.v.numpy(), contacts.impulses(sim.plan.clock.g), contacts.mark.numpy()
 
 
 @pytest.mark.parametrize("blocks", BLOCKS)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.motion.soft_pins import balance, pulled
 from tests.physics.contact.selfcontact.rig import solvers
-from tests.physics.motion.test_soft_pins import balance, pulled
 from wsim.simulation.simulation import Simulation
 
 wp.init()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.contact.selfcontact.momentum import meeting, moments
+from tests.make.physics.solver.newton_surfaces import caught, draped
 from tests.physics.contact.selfcontact.rig import crossed, said, solvers
-from tests.physics.contact.selfcontact.test_momentum import meeting, moments
-from tests.physics.solver.test_newton_surfaces import caught, draped
 from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")

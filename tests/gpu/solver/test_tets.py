@@ -6,9 +6,9 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.gpu.solver.test_sheet_contacts import run
-from tests.gpu.solver.test_sheets import BLOCKS, end, moves_alike
-from tests.physics.motion.fused.test_kernel_fusion import cube, jelly, moved, sheet
+from tests.make.gpu.solver.sheet_contacts import run
+from tests.make.gpu.solver.sheets import BLOCKS, end, moves_alike
+from tests.make.physics.motion.fused.kernel_fusion import cube, jelly, moved, sheet
 from wsim import Bulk
 from wsim.model.launches import KernelLaunches
 from wsim.physics.motion.fused import domain_decomposition

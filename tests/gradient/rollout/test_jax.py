@@ -4,7 +4,7 @@ are skipped."""
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import net
+from tests.make.gradient.gradients import net
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.simulation.simulation import Simulation

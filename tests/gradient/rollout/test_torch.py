@@ -4,7 +4,7 @@ skipped. What the wrapper calls is tested by tests/gradient/test_products.py all
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import bar, net, sheet
+from tests.make.gradient.gradients import bar, net, sheet
 from wsim.gradient.recording import Recording
 from wsim.scene import SceneError
 from wsim.simulation.simulation import Simulation

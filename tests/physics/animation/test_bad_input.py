@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.make.usd.prims.skeleton import BOUND, COLLIDES, RISES, character, mesh
 from tests.make.usda import Reader, cloth, errors
 from tests.physics.animation.make import bones, scene_of, skin
-from tests.usd.prims.test_skeleton import BOUND, COLLIDES, RISES, character, mesh
 from wsim.physics.animation.objects import Follow, Skeleton
 from wsim.scene import Scene, SceneError, shapes
 from wsim.scene.check.scene import check_scene
@@ -178,7 +178,7 @@ def test_numbers_of_an_animation_that_do_not_fit(read):
 
 
 def test_an_attachment_to_a_face_that_the_mesh_does_not_have(read):
-    from tests.physics.animation.test_usd import ATTACHED
+    from tests.make.physics.animation.usd import ATTACHED
     text = cloth() + character(mesh(COLLIDES), RISES) + ATTACHED.format("face", "[0, 7]", "")
     assert "/held: physics:indices1 holds 7; allowed is 0 to 1, faces of /char/skin" in errors(read, text)
 

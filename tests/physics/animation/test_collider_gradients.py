@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
+from tests.make.physics.contact.collider_adjoint import below, wavy
+from tests.make.physics.contact.project_adjoint import SOLVERS, dropped
 from tests.physics.animation.make import bones, skin
-from tests.physics.contact.test_collider_adjoint import below, wavy
-from tests.physics.contact.test_project_adjoint import SOLVERS, dropped
 from wsim.geometry import rotation
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.scene.curve.motion import KINDS, OUTSIDE, made
 from tests.physics.animation.make import bones, lump, skin
-from tests.scene.curve.test_motion import KINDS, OUTSIDE, made
 from wsim.geometry import rotation
 from wsim.physics.animation.objects import DUAL, LINEAR, Follow
 from wsim.physics.animation.pin_targets import PinTargets, PinVelocities

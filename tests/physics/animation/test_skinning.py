@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 
 import wsim
+from tests.make.physics.animation.skinning import nearest_faces, track
 from tests.physics.animation.make import CHARACTERS, bones, lump, scene_of, skin, theirs, worn
 from wsim.geometry import rotation
 from wsim.geometry.triangulate import triangulate_polygons
@@ -18,16 +19,6 @@ from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.scene import Scene, Surface, shapes
 
 FAST = "CesiumMan.usdz", "float32"
-
-
-def track(sim) -> tuple[np.ndarray, np.ndarray]:
-    """World points of the one mesh at the substeps of the last frame, (times, n, 3), and the times [s]."""
-    contacts = sim.plan.ports.contacts
-    (mesh,) = contacts.meshes.values()
-    found = mesh.device["track"].numpy().astype(np.float64)
-    times = contacts.time + np.arange(len(found)) * contacts.dt / (len(found) - 1)
-    motion = mesh.surface.poses.skeleton.motion
-    return np.stack([motion.points(x, t) for x, t in zip(found, times, strict=True)]), times
 
 
 @pytest.mark.parametrize(("asset", "method", "precision"), [
@@ -193,15 +184,6 @@ def test_the_velocity_of_a_skinned_collider_carries_what_lies_on_it():
     sim.run(12)
     assert abs(sim.velocities("/sheet")[:, 0].mean() - 0.5) < 0.01
     assert abs(sim.positions("/sheet")[:, 0].mean() - cloth.points[:, 0].mean() - 0.25) < 0.02
-
-
-@wp.kernel(module="test_refit")
-def nearest_faces(mesh: wp.uint64, q: wp.array(dtype=wp.vec3f), way: wp.array(dtype=wp.vec3f), out: wp.array(dtype=wp.vec4f)):
-    i = wp.tid()
-    near = wp.mesh_query_point_sign_normal(mesh, q[i], 10.0)
-    wound = wp.mesh_query_point_sign_winding_number(mesh, q[i], 10.0)
-    ray = wp.mesh_query_ray(mesh, q[i], wp.normalize(way[i]), 10.0)
-    out[i] = wp.vec4f(float(near.face), near.sign, wound.sign, ray.t)
 
 
 @pytest.mark.parametrize("asked", ["nothing", "always", "deep", "marked"])

@@ -5,9 +5,10 @@ import pytest
 from pxr import Usd, UsdSkel
 
 import wsim
+from tests.make.physics.animation.usd import ATTACHED
+from tests.make.usd.prims.skeleton import BOUND, COLLIDES, character, mesh
 from tests.make.usda import Reader, cloth, notes
 from tests.physics.animation.make import CHARACTERS, JOINTS, bones, lump, scene_of, skin, theirs, worn
-from tests.usd.prims.test_skeleton import BOUND, COLLIDES, character, mesh
 from wsim.physics.animation.objects import DUAL, LINEAR, BlendShape, Follow, Skeleton, Skinned
 from wsim.scene import Scene, shapes
 from wsim.scene.curve import Curve, Motion
@@ -132,19 +133,6 @@ def test_an_instanced_skeleton_moves_its_own_mesh(read):
     for k, collider in enumerate(sorted(scene.colliders, key=lambda c: c.path)):
         np.testing.assert_allclose(collider.motion.points(collider.shape.poses.at(0.5), 0.5),
                                    scene.cloths[0].points + (k, 0.5, 0.0), atol=1e-6)
-
-
-ATTACHED = """
-def PhysicsAttachment "held" {{
-    rel physics:src0 = </cloth>
-    rel physics:src1 = </char/skin>
-    uniform token physics:type0 = "point"
-    uniform token physics:type1 = "{}"
-    int[] physics:indices0 = [0, 3]
-    int[] physics:indices1 = {}
-    {}
-}}
-"""
 
 
 @pytest.mark.parametrize(("kind", "indices", "coords"), [

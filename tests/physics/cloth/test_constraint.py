@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.equations import EQUATIONS
+from tests.make.rows.equations import EQUATIONS
 from wsim.kernels.cloth.constraint import arctangent, membrane_response, membrane_shear, membrane_slender
 from wsim.kernels.math.real import types
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.physics.rigid.test_contact import box
-from tests.physics.rigid.touch.test_blows import by
+from tests.make.physics.rigid.contact import box
+from tests.make.physics.rigid.touch.blows import by
 from tests.physics.rigid.touch.touching import Mixed, run, scene
 from wsim import Box, Cone, Cylinder, Fabric, Motion, Scene, Simulation, fabric, shapes
 from wsim.geometry.rotation import axis_rotation_matrix

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.cloth.test_element_adjoint import STEP, WEIGHTS, Case
+from tests.make.physics.cloth.element_adjoint import STEP, WEIGHTS, Case
 from tools.stress.energy import _angles
 from wsim.geometry import topology
 from wsim.kernels.cloth import curvature, curvature_adjoint, curvature_line_search

@@ -1,12 +1,12 @@
-"""A kind of constraint of one file and one row (tests/make/area.py) goes through all that those of wsim go through: every
+"""A kind of constraint of one file and one row (tests/make/rows/area.py) goes through all that those of wsim go through: every
 solver, energy and bounds, live values, worlds, reactions, gradients."""
 
 import numpy as np
 import pytest
 import warp as wp
 
-from tests.gradient.test_gradients import Run
-from tests.make.area import KIND, ROW, VALUE, Film
+from tests.make.gradient.gradients import Run
+from tests.make.rows.area import KIND, ROW, VALUE, Film
 from wsim.geometry import topology
 from wsim.kernels.cloth import general
 from wsim.kernels.cloth.hessian import elements_of

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import Run, sheet
-from tests.gradient.test_reaction_adjoint import Run as Borne
-from tests.physics.cloth.test_rest_shape import SOLVERS
-from tests.physics.solver.test_newton_adjoint_limits import pulled
+from tests.make.gradient.gradients import Run, sheet
+from tests.make.gradient.reaction_adjoint import Run as Borne
+from tests.make.physics.cloth.rest_shape import SOLVERS
+from tests.make.physics.solver.newton_adjoint_limits import pulled
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.scene import Scene, SceneError

@@ -7,42 +7,21 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.fitting.test_fields import seen
-from tests.fitting.test_fields import sheet as field_sheet
-from tests.gradient.test_gradients import WEIGHTS, Run, bar, net, sheet
-from tests.physics.cloth.test_muscles import muscled
-from tests.physics.solver.test_xpbd_adjoint import Fresh
-from tests.simulation.test_ties import laid
+from tests.make.fitting.fields import seen
+from tests.make.fitting.fields import sheet as field_sheet
+from tests.make.gradient.gradients import WEIGHTS, Run, bar, net, sheet
+from tests.make.physics.cloth.muscles import muscled
+from tests.make.physics.cloth.rest_shape import SOLVERS, by_rest_shape, crooked
+from tests.make.physics.solver.xpbd_adjoint import Fresh
+from tests.make.simulation.ties import laid
 from wsim.fitting import Settings
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.model.model import make_body
 from wsim.physics.cloth.constraints import constraints_of_body
 from wsim.physics.cloth.rest_shape import current_rest_shape, masses_of
 from wsim.physics.solver import xpbd_adjoint
-from wsim.scene import Scene, SceneError, shapes
+from wsim.scene import SceneError, shapes
 from wsim.simulation.simulation import Simulation
-
-SOLVERS: dict = {"leapfrog": {"integrator": "leapfrog"}, "rk4": {"integrator": "rk4"},
-                 "xpbd": {"solver": "xpbd", "integrator": "backward_euler", "substeps": 8, "iterations": 4},
-                 "newton": {"solver": "implicit", "integrator": "bdf2", "substeps": 2}}
-
-
-def crooked(model: str, size: float = 1.0, **kwargs) -> Scene:
-    """The sheet, at rest neither flat nor along the axes: warp is not in its plane, and its angles are those."""
-    scene = sheet(model, damping=2e-4, **kwargs)
-    cloth, p = scene.cloths[0], scene.cloths[0].rest_points.astype(float)
-    p = p + 0.004 * size * np.random.default_rng(3).normal(size=p.shape)
-    p[:, 2] += size * (1.5 * p[:, 0] ** 2 + 0.5 * p[:, 0])
-    cloth.rest_points, cloth.flat = p.astype(np.float32), False
-    return scene
-
-
-def by_rest_shape(run: Run, step: float = 5e-6, within: float = 1e-10) -> None:
-    """Along a random direction."""
-    start = current_rest_shape(run.sim.model.body(run.path))
-    way = np.random.default_rng(6).normal(size=start.shape)
-    found = (run.gradient.rest_shape(run.path) * way).sum()
-    run.check(found, lambda s: (run.path, "rest_shape", start + s * way), step, within)
 
 
 @pytest.mark.parametrize("model, solver, more", [

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.contact.test_restitution import G, ball
+from tests.make.physics.contact.restitution import G, ball
 from wsim.physics.contact.barrier import contact_energy_scale
 from wsim.scene import SceneError
 from wsim.scene.check.scene import check_scene

@@ -4,47 +4,23 @@ A sheet is a net of 6 x 6 points, or a cloth, 1 m wide; z is up. `held` steps th
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.contact.free_flight_test import CPU, FORMS, LEAPS, MARCH, WHOLE, G, rising, sheet, state, swelling
 from wsim.geometry.rotation import axis_rotation_matrix, unit_quat
 from wsim.model.launches import KernelLaunches
 from wsim.model.stage import FREE
 from wsim.physics.contact import free_flight_test
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
-from wsim.scene.curve import Curve, Motion
+from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.simulation.report import report_text
 from wsim.simulation.simulation import Simulation
 
-G = 9.81
-CPU: dict[str, Any] = {"device": "cpu", "precision": "float64"}
-MARCH, LEAPS = {"solver": "explicit"}, {"solver": "explicit", "cloth": True}
-STAGES = {"solver": "explicit", "integrator": "rk4"}
-XPBD, NEWTON = {"solver": "xpbd", "iterations": 3}, {"solver": "implicit", "iterations": 2}
-FORMS = {"march": MARCH, "leaps": LEAPS, "stages": STAGES, "xpbd": XPBD, "newton": NEWTON,
-         "midpoint": NEWTON | {"integrator": "implicit_midpoint"}}
-WHOLE = ("march", "leaps", "stages")
 forms = pytest.mark.parametrize("form", FORMS)
-
-
-def sheet(shape=None, *, at=(0.0, 0.0, -9.0), cloth=False, height=0.0, velocity=(0.0, 0.0, 0.0), pinned=True, motion=None,
-          **more) -> Scene:
-    scene = Scene(**({"fps": 60.0, "substeps": 10, "iterations": 1, "gravity": (0.0, 0.0, -G), "up": "Z"} | more))
-    place = {"motion": Motion.at_place((0.0, 0.0, height))}
-    if cloth:
-        flat = shapes.sheet(1.0, 1.0, 5, 5, horizontal=True, up="Z")
-        body = scene.cloth("/sheet", *flat, velocities=[velocity] * 36, **place)
-    else:
-        body = scene.net("/sheet", *shapes.spring_sheet(1.0, 6, stretch=100.0, up="Z"), velocities=[velocity] * 36, **place)
-    if pinned:
-        scene.pin("/pin", body, [0, 5])
-    if shape is not None:
-        scene.collider("/wall", shape, **({"motion": motion} if motion else {"at": at}))
-    return scene
 
 
 @pytest.fixture
@@ -55,10 +31,6 @@ def held(monkeypatch):
             m.setattr(free_flight_test, "allows_free_flight", lambda *_: False)
             return Simulation(scene, **(CPU | more))
     return build
-
-
-def state(sim: Simulation) -> np.ndarray:
-    return np.concatenate([getattr(sim.state, name).numpy() for name in ("x", "e", "v")])
 
 
 # nothing near
@@ -232,16 +204,6 @@ def test_a_collider_that_comes_by_within_a_frame_is_met(form, by, held):
 def turning(rng, kind="linear", slower=1.0, **how) -> Motion:
     turns = rng.normal(size=(4, 4)) * 0.01 + np.array([0.0, 0.0, 0.0, 1.0])
     return Motion.through(slower * np.array(KEYS), rng.uniform(-0.5, 0.5, (4, 3)), unit_quat(turns), kind, **how)
-
-
-def rising(low: float, high: float, until: float = 0.02) -> Motion:
-    return Motion.through([0.0, until], [(0.0, 0.0, z) for z in (low, high)], kind="linear")
-
-
-def swelling(size: float, more: float, times) -> Surface:
-    """A ball of a radius [m] that grows by `more` [m] at every other time [s]."""
-    points, *faces = shapes.sphere(size, 8)
-    return Surface(points, *faces, Curve(times, np.array([points * (1.0 + more / size * (k % 2)) for k in range(len(times))])))
 
 
 KEYS = [0.0, 0.004, 0.01, 0.02]

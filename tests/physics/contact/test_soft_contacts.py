@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.gradient.test_gradients import WEIGHTS, bar
-from tests.physics.contact.test_collider_adjoint import HIGH, TRIED, below, led
-from tests.physics.contact.test_project_adjoint import SHAPES, Slid
-from tests.physics.solver.test_newton_adjoint_contacts import NEWTON
+from tests.make.gradient.gradients import WEIGHTS, bar
+from tests.make.physics.contact.collider_adjoint import HIGH, TRIED, below, led
+from tests.make.physics.contact.project_adjoint import SHAPES, Slid
+from tests.make.physics.solver.newton_adjoint_contacts import NEWTON
 from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.gradient.recording import Recording
 from wsim.scene.curve import Motion

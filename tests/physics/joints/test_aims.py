@@ -4,25 +4,15 @@ import numpy as np
 import pytest
 from pxr import Ts, Usd, UsdPhysics
 
+from tests.make.physics.joints.aims import WAY, slider
+from tests.make.physics.rigid.contact import box
 from tests.physics.joints.make import rod, scene
-from tests.physics.rigid.test_contact import box
 from wsim.physics.rigid.joints.joint import Drive, joint_between, locked_limits_except, prismatic_joint, revolute_joint
 from wsim.scene import Plane, SceneError, Varying
 from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
-
-WAY = Curve([0.0, 0.25, 0.5], [0.0, 0.2, 0.1], "catmull_rom")
-
-
-def slider(name: str = "target", curve: Curve = WAY, **more):
-    """A body on a rail, drawn by a spring and damper; no gravity."""
-    body = rod("/b", (0.0, 0.0, 0.0))
-    made = scene(body, prismatic_joint("/rail", None, body, drives={"transX": Drive(4e4, 4e2)}), gravity=(0.0, 0.0, 0.0),
-                 **more)
-    made.varying.append(Varying("/rail", name, curve))
-    return made
 
 
 @pytest.mark.parametrize("name", ["target", "speed"])

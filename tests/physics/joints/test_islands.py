@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.joints.islands import chain
 from tests.physics.joints.make import errors, places, rod, start
 from wsim.geometry import rotation
 from wsim.kernels.rigid.joint import coordinates
 from wsim.physics.rigid.joints.islands import elimination_order
-from wsim.physics.rigid.joints.joint import revolute_joint, spherical_joint
+from wsim.physics.rigid.joints.joint import revolute_joint
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -108,16 +109,6 @@ def test_a_factor_is_that_of_the_whole_matrix():
     assert np.abs(np.diag(L) - block[:n]).max() < 1e-13
     assert all(abs(L[order.near[e], i] - block[n + e]) < 1e-13 for i in range(n)
                for e in range(order.first_near[i], order.first_near[i + 1]))
-
-
-def chain(heavy: float, **more):
-    things, last = [], None
-    for k in range(20):
-        mass, inertia = (heavy, 0.4) if k == 19 else (1.0, 4e-3)
-        body = rod(f"/b{k}", (0.2 * k + 0.1, 0.0, 0.0), mass=mass, moments=(0.25 * inertia, inertia, inertia))
-        things += [body, spherical_joint(f"/j{k}", last, body, at=(0.2 * k, 0.0, 0.0))]
-        last = body
-    return start(*things, **more)
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])

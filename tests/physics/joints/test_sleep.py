@@ -1,36 +1,16 @@
 """Sleep over joints: islands that joints make, what wakes them, and that joints of those that sleep do nothing."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from tests.make.physics.joints.sleep import DAMPED, chain, sleepy
+from tests.make.physics.rigid.contact import G, Seen, ball, box
+from tests.make.physics.rigid.solver.sleep import asleep
 from tests.physics.joints.make import coordinates, places, rod, start
-from tests.physics.rigid.solver.test_sleep import asleep
-from tests.physics.rigid.test_contact import G, Seen, ball, box, world
 from wsim.physics.rigid import forms
 from wsim.physics.rigid.joints.joint import Drive, revolute_joint, spherical_joint
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
-
-DAMPED = {"drag": 3.0, "spin_drag": 3.0}
-
-
-def chain(name: str, z: float = 0.0, n: int = 3, **last) -> list:
-    """Boxes 0.4 m long that hang at y = 3, and their joints."""
-    links = [box(f"/{name}{k}", (0.0, 2.8 - 0.4 * k, z), (0.05, 0.2, 0.05), **DAMPED, **(last if k == n - 1 else {}))
-             for k in range(n)]
-    return links + [spherical_joint(f"/{name}j{k}", links[k - 1] if k else None, links[k], at=(0.0, 3.0 - 0.4 * k, z))
-                    for k in range(n)]
-
-
-def sleepy(*things, speed: float = 0.05, device: str = "cpu", **more) -> Simulation:
-    bodies = [thing for thing in things if hasattr(thing, "colliders")]
-    scene = replace(world(*bodies, **more).given, sleep_speed=speed)
-    for thing in things:
-        if not hasattr(thing, "colliders"):
-            scene.add(thing)
-    return Simulation(scene, device=device)
 
 
 def arm(drive: Drive, **more) -> list:

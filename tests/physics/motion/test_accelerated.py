@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.physics.contact.test_midpoint import G, mass
+from tests.make.physics.contact.midpoint import G, mass
 from wsim.scene import Box
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation

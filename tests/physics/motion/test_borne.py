@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.physics.rods.test_bodies import box
+from tests.make.physics.rods.bodies import box
 from wsim.physics.motion.stability import MARGIN, stable_stretch
 from wsim.scene import Pin, Scene, SceneError, shapes
 from wsim.scene.fabric import Fabric

@@ -4,21 +4,12 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
+from tests.make.physics.motion.carried import FPS, FRAMES, LENGTH, OMEGA, PLACES, TIMES, carried
 from wsim.scene import Box, Scene, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
 
 DOUBLE = {"device": "cpu", "precision": "float64"}
-TIMES, PLACES = np.arange(4.0), np.array([[0.0, 0, 0], [0.3, 0.2, 0], [-0.1, 0.4, 0.2], [0.2, 0.1, 0.1]])
-FRAMES, FPS, OMEGA, LENGTH = 26, 10.0, 7.0, 0.5
-
-
-def carried(substeps: int, integrator: str, solver: str, damping: float = 0.0, kind: str = "catmull_rom") -> Scene:
-    """A point on a spring whose other end is carried."""
-    scene = Scene(fps=FPS, frames=FRAMES, substeps=substeps, integrator=integrator, solver=solver)
-    net = scene.net("/net", [[0.0, 0, 0], [0.0, -0.6, 0]], [[0, 1]], [OMEGA**2], [1.0, 1.0], lengths=[LENGTH], damping=damping)
-    scene.pin("/pin", net, [0], motion=Motion.through(TIMES, PLACES, kind=kind))
-    return scene
 
 
 def exact(damping: float, kind: str) -> tuple[np.ndarray, np.ndarray]:

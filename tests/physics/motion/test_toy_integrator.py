@@ -7,8 +7,8 @@ A mass on a spring along its axis is x'' = -omega^2 x to the bit of the law, so 
 import numpy as np
 import pytest
 
-from tests.make.two_step import ROW as TWO_STEP
-from tests.make.two_step import C
+from tests.make.rows.two_step import ROW as TWO_STEP
+from tests.make.rows.two_step import C
 from wsim.physics.solver import newton
 from wsim.scene import Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
+from tests.make.physics.rigid.contact import ball, box, world
 from tests.physics.rigid.pairs import WHERE
-from tests.physics.rigid.test_contact import ball, box, world
 from wsim.cli.run import prepare_recorded_run
 from wsim.geometry import rotation
 from wsim.physics.rigid.objects import Body

@@ -4,22 +4,13 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.physics.rods.rig import scene, simulated
+from tests.make.physics.rods.air import ACROSS, AIR, DENSITY, DIAMETER, LENGTH, SKIN, WEIGHT, hair
+from tests.physics.rods.rig import simulated
 from wsim import Curve
 from wsim.scene.scene import Varying
 from wsim.simulation.simulation import Simulation
 
-DENSITY, DIAMETER, LENGTH, AIR, WEIGHT = 1300.0, 1e-4, 0.1, 1.2, 9.81
 MASS = DENSITY * np.pi * DIAMETER**2 / 4.0 * LENGTH
-ACROSS, SKIN = 1.1, 0.02
-
-
-def hair(axis: int, n: int = 9, **more):
-    """A free hair along an axis, in air."""
-    x = np.zeros((n, 3))
-    x[:, axis] = np.linspace(0.0, LENGTH, n)
-    given = {"diameters": DIAMETER, "young": 4e9, "density": DENSITY, "drag": ACROSS, "skin_drag": SKIN} | more
-    return scene(x, **given)
 
 
 @pytest.mark.parametrize("axis, area", [(0, ACROSS * DIAMETER * LENGTH), (1, SKIN * np.pi * DIAMETER * LENGTH)])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.rods.bodies import line, masses
 from tests.physics.rods.rig import simulated
-from tests.physics.rods.test_bodies import line, masses
 from wsim.geometry import primitives
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.edges.edge_contact_law import depth_beneath_ends

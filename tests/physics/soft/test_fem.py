@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.tet_box import E, TetBox, bent, turn
+from tests.make.physics.soft.tet_box import E, TetBox, bent, turn
 from wsim.kernels.soft.material import TABLE
 
 MATERIALS = sorted(TABLE)

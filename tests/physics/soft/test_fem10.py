@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.soft_bar import NU, E, ran
-from tests.make.soft_bar import bar as any_bar
-from tests.make.tet_box import TetBox, bent, turn
+from tests.make.physics.soft.soft_bar import NU, E, ran
+from tests.make.physics.soft.soft_bar import bar as any_bar
+from tests.make.physics.soft.tet_box import TetBox, bent, turn
 from wsim import Bulk, Scene, Simulation
 from wsim.geometry.tetra.tets import lumped_tet_masses
 from wsim.kernels.soft.material import TABLE, lame_parameters

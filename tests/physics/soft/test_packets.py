@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.tet_box import TetBox
+from tests.make.physics.soft.tet_box import TetBox
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import fem, packets
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.make.soft_bar import bar, ran
-from tests.make.tet_box import turn
+from tests.make.physics.soft.soft_bar import bar, ran
+from tests.make.physics.soft.tet_box import turn
 from wsim import Bulk, Scene, Simulation
 from wsim.scene import shapes
 from wsim.scene.curve import Motion
@@ -139,7 +139,7 @@ def test_a_restart_and_a_repeated_frame_go_on_bit_for_bit(solver, integrator):
 
 
 def test_a_restart_from_a_result_keeps_what_has_flowed(tmp_path):
-    from tests.cli.test_cli import run
+    from tests.make.cli.cli import run
     from wsim.usd import save
     scene = falling("implicit", "backward_euler")
     scene.frames = 6

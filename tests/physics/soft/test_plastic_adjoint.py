@@ -1,29 +1,15 @@
 """Gradients of whole runs through plastic flow, against differences of order 8. Where a tet begins to flow in another substep
 the loss has a kink: steps are so small that no difference meets one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import Run, bar
-from tests.physics.cloth.test_rest_shape import by_rest_shape
+from tests.make.gradient.gradients import Run
+from tests.make.physics.cloth.rest_shape import by_rest_shape
+from tests.make.physics.soft.plastic_adjoint import LEAPFROG, NEWTON, yielding
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.scene import Scene
 from wsim.simulation.simulation import Simulation
-
-LEAPFROG = {"integrator": "leapfrog", "substeps": 60}
-NEWTON = {"solver": "implicit", "integrator": "bdf2", "substeps": 4}
-
-
-def yielding(model: str = "corotational", yields: float = 0.02, **more) -> Scene:
-    """The bar, which turns so fast that it flows; a third of it is elastic."""
-    scene = bar(model, damping=1e-3, **more)
-    soft = scene.softs[0]
-    soft.others, soft.which = [soft.material], (np.arange(len(soft.tets)) % 3 == 0).astype(np.int32)
-    soft.material = replace(soft.material, yield_strain=yields)
-    return scene
 
 
 def material(run: Run, name: str, value: float, step: float) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.soft_bar import bar, ran, settled, spin
+from tests.make.physics.soft.soft_bar import bar, ran, settled, spin
 from wsim import Bulk, Scene, Simulation
 from wsim.geometry.primitives import sphere_outline
 from wsim.kernels.math.real import types

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.make.soft_bar import NU, RHO, E, bar, given_way, ran, settled, spin
+from tests.make.physics.soft.soft_bar import NU, RHO, E, bar, given_way, ran, settled, spin
 from wsim import Bulk, Fabric, Plane, Scene, Simulation
 from wsim.scene import shapes
 from wsim.scene.curve import Motion

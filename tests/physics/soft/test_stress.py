@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.cli.test_cli import run
-from tests.make.tet_box import turn
+from tests.make.cli.cli import run
+from tests.make.physics.soft.tet_box import turn
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation
 from wsim.kernels.soft.material import lame_parameters
 from wsim.scene import shapes

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from tests.physics.solver.test_newton_adjoint import Probe
+from tests.make.physics.solver.coarse_space import bar
+from tests.make.physics.solver.newton_adjoint import Probe
 from wsim.physics.solver import coarse_space
-from wsim.scene import Scene, shapes
+from wsim.scene import shapes
 from wsim.scene.fabric import Fabric
-from wsim.scene.solid import Bulk
 from wsim.simulation.simulation import Simulation
 
 
@@ -16,14 +16,6 @@ def always(monkeypatch):
     """Small bodies have a coarse space too, of several levels."""
     monkeypatch.setitem(coarse_space.PAYS, "cpu", ((0, 0.0),))
     monkeypatch.setattr(coarse_space, "CELLS", 1.5)
-
-
-def bar(cells=(6, 2, 2), young=1e6, size=(1.0, 0.4, 0.4)) -> Scene:
-    scene = Scene(gravity=(0, -9.81, 0), fps=60.0, solver="implicit", substeps=1, iterations=2, integrator="backward_euler")
-    points, tets = shapes.block(size, cells)
-    body = scene.soft("/bar", points, tets, material=Bulk(young=young, poisson=0.3, density=1e3, model="corotational"))
-    scene.pin("/wall", body, points=np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6))
-    return scene
 
 
 class Bar(Probe):

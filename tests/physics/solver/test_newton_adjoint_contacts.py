@@ -7,15 +7,15 @@ import pytest
 import warp as wp
 
 from tests.conftest import first_and_slow
-from tests.gradient.test_gradients import Run
-from tests.physics.contact.test_project_adjoint import Slid, dropped
+from tests.make.gradient.gradients import Run
+from tests.make.physics.contact.project_adjoint import Slid, dropped
+from tests.make.physics.solver.newton_adjoint_contacts import NEWTON
 from wsim.gradient.recording import Recording
 from wsim.kernels.solver.newton_adjoint import falling
 from wsim.scene import Plane, Scene, Springs
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
-NEWTON = {"solver": "implicit", "integrator": "backward_euler", "substeps": 2, "iterations": 2}
 G = 9.81
 
 

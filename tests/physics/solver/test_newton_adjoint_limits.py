@@ -9,9 +9,10 @@ import pytest
 
 import wsim
 from tests.conftest import first_and_slow
-from tests.gradient.test_gradients import Run, sheet
-from tests.physics.cloth.test_rest_shape import by_rest_shape, crooked
-from tests.physics.contact.test_project_adjoint import Slid, dropped
+from tests.make.gradient.gradients import Run, sheet
+from tests.make.physics.cloth.rest_shape import by_rest_shape, crooked
+from tests.make.physics.contact.project_adjoint import Slid
+from tests.make.physics.solver.newton_adjoint_limits import hard, landed, pulled
 from wsim.fitting import Settings, Track
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
@@ -21,22 +22,6 @@ from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
 INTEGRATORS = ("backward_euler", "bdf2", "implicit_midpoint", "sdirk3")
-HARD = {"limit": (0.01, False), "tethers": (np.inf, True), "both": (0.01, True), "none": (np.inf, False)}
-
-
-def hard(scene: Scene, what: str, **material) -> Scene:
-    limit, scene.cloths[0].tethers = HARD[what]
-    scene.cloths[0].material = replace(scene.cloths[0].material, **{"strain_limit": limit, "stretch": 4.0} | material)
-    return scene
-
-
-def pulled(integrator: str, what: str, model: str = "springs", **more) -> Scene:
-    """A soft sheet held at two corners and pulled away from them: steps of 1/120 s."""
-    scene = hard(sheet(model, damping=2e-4, integrator=integrator, **{"solver": "implicit", "substeps": 2} | more), what)
-    y = scene.cloths[0].points[:, 1]
-    scene.cloths[0].velocities = np.outer((y.max() - y) / 0.2, [0.0, -1.0, 0.0])
-    scene.gravity = (0.0, -20.0, -5.0)
-    return scene
 
 
 def recorded(scene: Scene, frames: int = 2, **how) -> Recording:
@@ -137,14 +122,6 @@ def test_a_recording_ends_where_a_simulation_does(integrator, what, iterations):
     if integrator != "bdf2":                         # whose energy rises by a part of it in two substeps, as is told
         assert not plain.warnings
     assert all("gained energy" in w for w in plain.warnings)
-
-
-def landed(shape: str, integrator: str, mu: float, what: str = "limit", **more) -> Scene:
-    """A soft sheet that falls on a turning collider, with limits of 0.2 %."""
-    scene = dropped(shape, friction=(mu, mu), spin=3.0, gap=0.007,
-                    **{"solver": "implicit", "integrator": integrator, "substeps": 2, "iterations": 2} | more)
-    scene.colliders[0].thickness = 1e-3
-    return hard(scene, what, **{"strain_limit": 0.002} if what != "none" else {})
 
 
 @pytest.mark.parametrize("shape, integrator, mu", first_and_slow([("sphere", "backward_euler", 0.4), ("plane", "bdf2", 1.5)]))

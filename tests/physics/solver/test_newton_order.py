@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.physics.solver.test_newton import DOUBLE, INTEGRATORS, make
+from tests.make.physics.solver.newton import DOUBLE, INTEGRATORS, make
 from wsim.scene import shapes
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation

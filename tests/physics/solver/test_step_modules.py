@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from tests.conftest import grid
-from tests.physics.solver.test_coarse_space import bar
+from tests.make.physics.solver.coarse_space import bar
 from wsim.physics.solver import assembly
 from wsim.scene import Plane, Scene
 from wsim.scene.fabric import Fabric

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.equations import EQUATIONS
+from tests.make.rows.equations import EQUATIONS
 from wsim.kernels.cloth.constraint import DISTANCE, LIMIT
 from wsim.kernels.cloth.energy import strain_statistics_kernel
 from wsim.kernels.cloth.terms import batch_of

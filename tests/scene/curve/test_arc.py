@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.scene.curve.test_motion import made
+from tests.make.scene.curve.motion import made
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.curve.arc import ArcLength, evenly
 

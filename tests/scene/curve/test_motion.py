@@ -3,23 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.make.scene.curve.motion import KINDS, OUTSIDE, keys, made
 from wsim.geometry import rotation
 from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.scene.curve.stack import SCALE, SHIFT, TURN, then
-
-KINDS = {"linear": {}, "hold": {}, "catmull_rom": {"alpha": 0.5}, "kochanek_bartels": {"tension": 0.2}, "monotone": {},
-         "eased": {"easing": ["ease", "bounce-out", (0.3, -0.5, 0.6, 1.4), "smootherstep"]}}
-OUTSIDE = ["held", "linear", "repeat", "reset", "oscillate"]
-
-
-def keys(seed=0, n=5):
-    rng = np.random.default_rng(seed)
-    q = rotation.unit_quat(rng.normal(size=(n, 4)))
-    return np.cumsum(rng.uniform(0.4, 1.3, n)), rng.normal(size=(n, 3)), q
-
-
-def made(kind, outside="held", seed=0, **how) -> Motion:
-    return Motion.through(*keys(seed), kind, outside, outside, **KINDS.get(kind, {}) | how)
 
 
 def inner(motion, h=1e-4) -> np.ndarray:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.gpu.test_free_frames import net
+from tests.make.gpu.free_frames import net
 from tests.physics.contact.selfcontact.rig import SOLVERS, crumple
 from wsim.model import launches
 from wsim.physics.contact.selfcontact import near

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import bar, net, sheet
+from tests.make.gradient.gradients import bar, net, sheet
 from wsim.gradient.recording import Recording
 from wsim.simulation.measure.views import arrays
 from wsim.simulation.simulation import Simulation

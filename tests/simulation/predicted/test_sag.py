@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.physics.rigid.standing.test_stacks import dice, floor, moved, piled, tower
+from tests.make.physics.rigid.standing.stacks import dice, floor, moved, piled, tower
 from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.kernels.rigid import soft_step
 from wsim.physics.rigid.joints.filters.groups import FilteredPairs

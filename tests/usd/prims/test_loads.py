@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.make.physics.motion.loads import pushed
 from tests.make.usda import Reader, cloth, errors, notes
-from tests.physics.motion.test_loads import pushed
 from wsim import load
 from wsim.cli.run import delay_scene_curves
 from wsim.scene import shapes

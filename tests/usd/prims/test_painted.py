@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.make.usd.usda_soft import SOLID, place, solid, volume
 from tests.make.usda import BIND, Reader, cloth, errors, fabric, notes
-from tests.make.usda_soft import SOLID, place, solid, volume
 from wsim import Cloth, Fabric, Scene, Simulation, save
 from wsim.scene import Load
 from wsim.scene.curve import Curve

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.make.usd.usda_soft import SOLID, body, place, skin
 from tests.make.usda import Reader, cloth, notes
-from tests.make.usda_soft import SOLID, body, place, skin
 from wsim.scene import Scene, SceneError, Skin, Surface, shapes
 from wsim.usd import save
 

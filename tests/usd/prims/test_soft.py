@@ -1,25 +1,24 @@
 """Soft bodies of a stage: what a save writes a load reads back equal, and what others write is understood or refused."""
 
 from dataclasses import replace
-from math import inf
 
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdValidation
 
+from tests.make.usd.prims.soft import soft_scene
+from tests.make.usd.usd import _difference
+from tests.make.usd.usda_soft import BONE, LOOK, SOLID, TWO, body, part, place, solid, volume
 from tests.make.usda import Reader, cloth, errors, notes
-from tests.make.usda_soft import BONE, LOOK, SOLID, TWO, body, part, place, solid, volume
-from tests.usd.test_usd import _cloth, _difference, _motion
 from tools.lint import ROOT
 from wsim.geometry.tetra import tets as meshes
-from wsim.scene import Pin, Plane, Scene, Skin, Soft, shapes
+from wsim.scene import Soft
 from wsim.scene.check import soft as check_soft
 from wsim.scene.check.scene import check_scene
 from wsim.scene.solid import MODELS, Bulk
 from wsim.usd import load, names, save
 
 BEAR = ROOT / "scenes/assets/bear_tet.usdc"
-TURNED = [0, 1, 3, 2]
 
 
 @pytest.fixture
@@ -28,45 +27,6 @@ def read(tmp_path):
 
 
 # Saved and loaded ----------------------------------------------------------------------------------------------------
-
-def _bulk(rng) -> Bulk:
-    return Bulk(young=rng.uniform(1e3, 1e9), poisson=rng.uniform(-0.9, 0.49), density=rng.uniform(10, 9000),
-                model=str(rng.choice(MODELS)), damping=rng.uniform(0.0, 0.1), yield_strain=rng.choice([inf, 0.1]),
-                static_friction=rng.uniform(), dynamic_friction=rng.uniform())
-
-
-def _skin(rng, path: str) -> Skin:
-    return Skin(path, rng.uniform(-0.4, 0.4, (4, 3)), [3, 4], [0, 1, 2, 0, 1, 2, 3])
-
-
-def _soft(rng, path: str, skins: tuple = ()) -> Soft:
-    """A block at random; where a transform mirrors it, its tets are turned: their volumes are positive in the world."""
-    def maybe(value):
-        return value if rng.uniform() < 0.5 else None
-
-    points, tets = shapes.block((1, 1, 1), 2)
-    n, t, motion = len(points), len(tets), _motion(rng, rigid=False)
-    tets = tets[:, TURNED] if np.linalg.det(motion.at(0.0)[:3, :3]) < 0 else tets
-    others = [_bulk(rng) for _ in range(rng.integers(3))]
-    which = rng.permutation(np.arange(t) % (len(others) + 1)) if others else None
-    return Soft(path, points, tets, _bulk(rng), others, which, motion, velocities=maybe(rng.normal(size=(n, 3))),
-                rest_points=maybe(points + rng.uniform(-0.05, 0.05, (n, 3))), masses=maybe(rng.uniform(0.1, 1.0, n)),
-                mass=maybe(rng.uniform()), filled=maybe(rng.uniform(0.0, 1.0, t)), pressure=rng.normal(),
-                quadratic=bool(rng.integers(2)), skins=[_skin(rng, skin) for skin in skins])
-
-
-def soft_scene(seed: int) -> Scene:
-    rng = np.random.default_rng(seed)
-    scene = Scene(frames=5, start=float(rng.choice([0.0, 3.0])), up=str(rng.choice(["Y", "Z"])))
-    scene.softs = [_soft(rng, "/World/ball/sim", ("/World/ball/skin", "/World/ball/more/fur")), _soft(rng, "/soft"),
-                   _soft(rng, "/World/b/in", ("/World/b/x/one", "/World/b/y", "/World/b/x/two"))]
-    scene.cloths = [_cloth(rng, "/World/ball/scarf"), _cloth(rng, "/World/cloth")]
-    scene.softs[1].others.append(scene.softs[0].material)          # one Material serves both
-    scene.softs[1].which = np.arange(len(scene.softs[1].tets), dtype=np.int32) % len(scene.softs[1].materials)
-    scene.collider("/floor", Plane(), at=(0, -5, 0))
-    scene.pins = [Pin("/soft/pin", "/soft", [0, 3, 8], motion=_motion(rng)),
-                  Pin("/World/pin", "/World/ball/sim", [2], "/World/hook", motion=_motion(rng), places=[(0, 1, 0)])]
-    return scene
 
 
 @pytest.fixture

@@ -6,21 +6,14 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdUtils
 
-from tests.make.validate import validate
-from tests.usd.result.test_recorder import CLOTH, author, world
+from tests.make.usd.result.clips import record
+from tests.make.usd.result.recorder import CLOTH, author, world
+from tests.make.usd.validate import validate
 from wsim.cli import main
 from wsim.usd import clips
 from wsim.usd.result.kinds.beside import SidecarFiles
 from wsim.usd.result.recorder import Recorder
 from wsim.usd.result.restart import ResultReader, copy_samples, load_restart
-
-
-def record(scene, path, frames: int = 3, clip: bool = True, interrupted: bool = False, **more):
-    recorder = Recorder(scene, path, **more)
-    recorder.clips = clip
-    for k in range(frames):
-        recorder.append(recorder.time_code(k), *world(frame=k))
-    return recorder.close(interrupted)
 
 
 def values(path) -> dict:

@@ -10,9 +10,9 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 from tests.conftest import grid
-from tests.usd.result.test_clips import record
-from tests.usd.result.test_kinds import FRAMES, author, check, files, register, run
-from tests.usd.result.test_recorder import author as cloth
+from tests.make.usd.result.clips import record
+from tests.make.usd.result.kinds import FRAMES, author, check, files, register, run
+from tests.make.usd.result.recorder import author as cloth
 from wsim.cli import main
 from wsim.cli.run import prepare_recorded_run
 from wsim.scene import Scene, SceneError

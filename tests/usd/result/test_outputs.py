@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd
 
-from tests.cli.test_cli import wsim
-from tests.usd.result.test_partial import run
-from tests.usd.result.test_recorder import CLOTH, author, record, world
+from tests.make.cli.cli import wsim
+from tests.make.usd.result.partial import run
+from tests.make.usd.result.recorder import CLOTH, author, record, world
 from wsim.scene import SceneError
 from wsim.show.visible import read_visible_stage
 from wsim.usd import save

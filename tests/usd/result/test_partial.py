@@ -2,27 +2,15 @@
 
 import os
 import signal
-import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
 import numpy as np
 from pxr import Sdf, Vt
 
-from tests.usd.result.test_recorder import CLOTH, EPS, author, record, world
-from tools import lint
+from tests.make.usd.result.partial import run
+from tests.make.usd.result.recorder import CLOTH, EPS, author, record, world
 from wsim.usd.result import crate, partial
 from wsim.usd.result.restart import ResultReader, load_restart
-
-
-def run(script: str, *arguments) -> subprocess.Popen:
-    """Another process, with the functions of test_recorder."""
-    imports = ("import resource, signal, sys\nfrom tests.usd.result.test_recorder import *\n"
-               "from wsim.usd.result import partial\n")
-    root = lint.ROOT
-    command = [sys.executable, "-c", imports + textwrap.dedent(script), *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root)
 
 
 def test_a_killed_run_leaves_its_frames_and_the_next_one_says_where(tmp_path):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pxr import Sdf
 
-from tests.cli.test_cli import run, samples
 from tests.conftest import grid
+from tests.make.cli.cli import run, samples
 from wsim import __version__
 from wsim.scene import Scene, SceneError
 from wsim.scene.curve import Motion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Vt
 
-from tests.usd.result.test_recorder import CLOTH, SIDE, author, world
+from tests.make.usd.result.recorder import CLOTH, SIDE, author, world
 from wsim.scene import SceneError
 from wsim.usd.result.kinds import sidecar
 from wsim.usd.result.recorder import Recorder

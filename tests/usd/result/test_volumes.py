@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils, UsdVol
 
-from tests.usd.result.test_kinds import FRAMES, PATH, author, check, files, register, run
+from tests.make.usd.result.kinds import FRAMES, PATH, author, check, files, register, run
 from wsim.cli.run import prepare_recorded_run
 from wsim.scene import SceneError
 from wsim.scene.samples import VOLUME, VolumeSample
@@ -147,8 +147,8 @@ def test_a_disk_that_fills_leaves_whole_frames_and_one_line(tmp_path):
     child = subprocess.run([sys.executable, "-c", f"""
 import resource, signal, sys
 import numpy as np
-from tests.make.sparks import method
-from tests.usd.result import test_kinds as own
+from tests.make.rows.sparks import method
+from tests.make.usd.result import kinds as own
 own.register(setattr)
 taken = method.Flying.samples
 def larger(self, world=0):

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.make.physics.contact.selfcontact.rest import folded
+from tests.make.physics.solver.newton_surfaces import draped, thrown
 from tests.physics.contact.selfcontact.rig import crossed
-from tests.physics.contact.selfcontact.test_rest import folded
-from tests.physics.solver.test_newton_surfaces import draped, thrown
 from tools.bench.nets.garments import stable
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods

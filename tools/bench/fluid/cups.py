@@ -22,7 +22,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
-from tests.physics.fluid.liquid.test_cups import FPS, KINDS, Cup, pose, still, tilted  # noqa: E402
+from tests.make.physics.fluid.liquid.cups import FPS, KINDS, Cup, pose, still, tilted  # noqa: E402
 from wsim.scene import SceneError  # noqa: E402
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.gradient.test_gradients import Run
+from tests.make.gradient.gradients import Run
 from wsim import Scene, Simulation
 from wsim.scene import Box, Motion, Surface, shapes
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 
-from tests.physics.contact.collider.test_table import DT, asked, screw
+from tests.make.physics.contact.collider.table import DT, asked, screw
 from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.contact.collider.table import ColliderTable
 from wsim.scene import Scene, SceneError, Sphere

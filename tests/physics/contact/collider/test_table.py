@@ -1,15 +1,13 @@
-"""The table of colliders: what it answers of every shape that moves, and a method from outside (tests/make/grains) that lies on
-colliders by five lines; a shape of one row (tests/make/rounded.py) everywhere."""
+"""The table of colliders: what it answers of every shape that moves, and a method from outside (tests/make/rows/grains)
+that lies on colliders by five lines; a shape of one row (tests/make/rows/rounded.py) everywhere."""
 
 import numpy as np
 import pytest
-import warp as wp
 
-from tests.make.grains import ROW as GRAINS
-from tests.make.grains.objects import Grains
-from tests.make.rounded import ROW, Rounded
-from wsim.kernels.contact.collider.table import collider_queries, collider_type
-from wsim.kernels.math.real import types
+from tests.make.physics.contact.collider.table import DT, asked, screw
+from tests.make.rows.grains import ROW as GRAINS
+from tests.make.rows.grains.objects import Grains
+from tests.make.rows.rounded import ROW, Rounded
 from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.objects import Fluid
@@ -22,7 +20,6 @@ from wsim.simulation.simulation import Simulation
 
 MORE = [Plane(), Sphere(0.3), Box((0.3, 0.2, 0.1)), Capsule(0.2, 0.3), Cylinder(0.3, 0.2), Cone(0.3, 0.4),
         Rounded(0.3, 0.2, 0.05)]
-DT = 0.04
 
 
 @pytest.fixture(autouse=True)
@@ -31,31 +28,6 @@ def rows(monkeypatch):
     monkeypatch.setattr(methods, "METHODS", [*methods.METHODS, GRAINS])
     for module in ("wsim.simulation.plan", "wsim.simulation.methods"):
         monkeypatch.setattr(f"{module}.METHODS", methods.METHODS)
-
-
-def screw(t: float) -> np.ndarray:
-    """A turn about an axis beside the shape, and a way along it."""
-    c, s = np.cos(3.0 * t), np.sin(3.0 * t)
-    return np.array([[c, -s, 0, 0.5 * c], [s, c, 0, 0.5 * s], [0, 0, 1.0, 0.2 * t], [0, 0, 0, 1.0]])
-
-
-def asked(table: ColliderTable, y: np.ndarray, time: float, real):
-    """(closest, velocity) of each place y (rows, n, 3) to its collider."""
-    t, C, ask = types(real), collider_type(real), collider_queries(table.kinds, real)
-
-    def answer(c: C, y: wp.array2d(dtype=t.vec3), time: real, phi_out: wp.array2d(dtype=real), n_out: wp.array2d(dtype=t.vec3),
-               p_out: wp.array2d(dtype=t.vec3), v_out: wp.array2d(dtype=t.vec3)):
-        k, i = wp.tid()
-        phi, n, p = ask.closest(c, k, y[k, i], time)
-        phi_out[k, i] = phi
-        n_out[k, i] = n
-        p_out[k, i] = p
-        v_out[k, i] = ask.rate(c, k, y[k, i], time)
-
-    kernel = wp.kernel(answer, name=f"answer_{t.name}", module="unique", enable_backward=False)
-    out = [wp.zeros(y.shape[:2], real), *[wp.zeros(y.shape[:2], t.vec3) for _ in range(3)]]
-    wp.launch(kernel, y.shape[:2], [table.rows, wp.array(y, t.vec3), real(time)], out, device="cpu")
-    return [a.numpy() for a in out]
 
 
 @pytest.mark.parametrize(("precision", "within"), [("float32", 3e-6), ("float64", 1e-13)])

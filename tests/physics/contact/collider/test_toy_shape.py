@@ -1,13 +1,13 @@
-"""A collider shape of one file and one row (tests/make/rounded.py) goes through all that those of wsim go through."""
+"""A collider shape of one file and one row (tests/make/rows/rounded.py) goes through all that those of wsim go through."""
 
 import numpy as np
 import pytest
 import warp as wp
 from pxr import Sdf, Usd, UsdGeom
 
-from tests.gradient.test_gradients import Run
-from tests.make import rounded
-from tests.make.rounded import ROW, Rounded
+from tests.make.gradient.gradients import Run
+from tests.make.rows import rounded
+from tests.make.rows.rounded import ROW, Rounded
 from wsim.kernels.contact import collide
 from wsim.kernels.contact.collider import shape
 from wsim.kernels.math.real import types

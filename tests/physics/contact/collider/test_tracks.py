@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.contact.collider.test_poses import tried
-from tests.scene.curve.test_motion import KINDS, OUTSIDE, made
-from tests.scene.curve.test_usd_splines import both
+from tests.make.physics.contact.collider.poses import tried
+from tests.make.scene.curve.motion import KINDS, OUTSIDE, made
+from tests.make.scene.curve.usd_splines import both
 from wsim.geometry import rotation, rotation_spline
 from wsim.kernels.animation import rotation_spline as device
 from wsim.physics.contact import poses

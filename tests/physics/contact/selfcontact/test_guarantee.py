@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
+from tests.make.physics.contact.selfcontact.momentum import moments
 from tests.physics.contact.selfcontact.rig import SOLVERS, THIN, crossed, crumple, layers, run, said, solvers, thrown
-from tests.physics.contact.selfcontact.test_momentum import moments
 from tools.draws.scenes import drawn
 from wsim.kernels.contact.selfcontact import pairs, step_clamp
 from wsim.physics.contact.selfcontact import method, near

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
+from tests.make.physics.contact.selfcontact.momentum import moments
 from tests.physics.contact.selfcontact.rig import THIN, crossed, layers, run, said, solvers
-from tests.physics.contact.selfcontact.test_momentum import moments
 from wsim.geometry.tetra.tets import tet_surface_triangles
 from wsim.physics.contact.selfcontact.crossings import crossed_triangles
 from wsim.scene import Plane, Scene, shapes

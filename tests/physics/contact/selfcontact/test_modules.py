@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.contact.selfcontact.rig import SOLVERS, crumple, layers, said
-from tests.physics.rods.test_touch import thrown
+from tests.make.physics.contact.selfcontact.modules import swept
+from tests.make.physics.rods.touch import thrown
+from tests.physics.contact.selfcontact.rig import SOLVERS, layers
 from wsim.physics.contact.selfcontact import modules as shared
 from wsim.physics.contact.selfcontact.rows import sweeps
-from wsim.scene import Box, Motion
 from wsim.simulation.simulation import Simulation
 
 CORE = len(shared.CORE) + len(shared.CORE_WORDS) + 1                    # search.meet
@@ -68,18 +68,6 @@ def test_kernels_of_the_core_have_no_adjoint():
     sim = simulated("newton")
     for name in sim.model.modules:
         assert not any(k.options["enable_backward"] for k in wp.get_module(name).kernels.values())
-
-
-def swept(name: str, together: bool, device: str, monkeypatch) -> np.ndarray:
-    """Places of a sheet that is thrown about and meets a box; together: by sweeps in one launch."""
-    monkeypatch.setattr(sweeps, "TOGETHER", together)
-    scene = crumple(0, 10, **SOLVERS[name])
-    scene.collider("/box", Box((0.2, 0.05, 0.2)), motion=Motion.at_place((0.0, -0.1, 0.0)), static_friction=0.5)
-    sim = Simulation(scene, device=device)
-    sim.run(2)
-    assert sim.plan.method("selfcontact").sweeper.fits() == together and said(sim)["near_pairs"] > 0
-    assert sim.plan.method("contact").contacts.slots.count.numpy().any()
-    return sim.state.x.numpy()
 
 
 def test_sweeps_in_one_launch_have_the_bits_of_many(monkeypatch):

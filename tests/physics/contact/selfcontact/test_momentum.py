@@ -1,36 +1,16 @@
 """Momentum of sheets that meet, by every solver: linear, and angular where the integrator keeps it; no bounce."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
+from tests.make.physics.contact.selfcontact.momentum import meeting, moments
 from tests.physics.contact.selfcontact.rig import THIN, crossed, layers, run, solvers
 from tests.physics.rigid.touch.touching import Mixed
 from wsim.kernels.contact.selfcontact.newton.law import BACK, DEPTH
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Motion, Scene, shapes
 from wsim.scene.solid import Bulk
-
-
-def meeting(friction: float, **more):
-    """Two sheets beside each other that meet at 6 m/s, without gravity and air."""
-    scene = layers(2, 9, 0.01, **more)
-    material = replace(THIN, stretch=200.0, shear=50.0, static_friction=friction, dynamic_friction=friction)
-    for cloth, sign in zip(scene.cloths, (1.0, -1.0), strict=True):
-        cloth.velocities = np.broadcast_to((0.0, 3.0 * sign, 0.5), cloth.points.shape).copy()
-        cloth.material = material
-    scene.cloths[1].points[:] += (0.05, 0.0, 0.03)
-    return scene
-
-
-def moments(sim) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Momentum and its moment about the origin, and sums of the sizes of either, of all points."""
-    m = np.concatenate([b.masses[b.index - b.first] for b in sim.model.bodies])[:, None]
-    x, v = (np.concatenate([each(b.path) for b in sim.model.bodies]) for each in (sim.positions, sim.velocities))
-    turn = m * np.cross(x, v)
-    return (m * v).sum(axis=0), turn.sum(axis=0), np.linalg.norm(m * v, axis=1).sum(), np.linalg.norm(turn, axis=1).sum()
 
 
 @pytest.mark.parametrize("solver", solvers())

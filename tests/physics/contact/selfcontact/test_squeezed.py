@@ -3,30 +3,15 @@
 Flat sheets that meet without a bounce go on with the velocity of their centre of mass: v = sum m_k v_k / sum m_k.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.physics.contact.selfcontact.rig import SOLVERS, THIN, crossed, layers, run, said, solvers
-from tests.physics.contact.selfcontact.test_momentum import moments
+from tests.make.physics.contact.selfcontact.momentum import moments
+from tests.make.physics.contact.selfcontact.squeezed import squeezed
+from tests.physics.contact.selfcontact.rig import SOLVERS, crossed, run, said, solvers
 
-HEAVY, GAP = 2000.0, 8e-3                # times as heavy as the sheet between; [m]
 LEAPFROG = pytest.param(SOLVERS["leapfrog"] | {"substeps": 80, "times": 3.0}, id="leapfrog")   # faster: short steps cut less
-
-
-def squeezed(times: float = 1.0, **solver):
-    """Three flat sheets, of which the first and the last come from either side, at 10 and 6 m/s, times a number; the middle one
-    is finer."""
-    scene = layers(3, 4, GAP, size=0.12, **solver)
-    fine = layers(1, 13, GAP, size=0.11).cloths[0]
-    scene.cloths[1] = replace(fine, path="/layer1", points=fine.points + (0.0, GAP, 0.0))
-    for k, (cloth, v) in enumerate(zip(scene.cloths, (10.0, 0.0, -6.0), strict=True)):
-        cloth.velocities = np.broadcast_to((0.0, times * v, 0.0), cloth.points.shape).copy()
-        cloth.points[:] += (4e-3 * k, 0.0, 3e-3 * k)
-        cloth.material = replace(THIN, stretch=100.0, shear=30.0, density=100.0 if k == 1 else 100.0 * HEAVY)
-    return scene
 
 
 @pytest.mark.parametrize("solver", first_and_slow([

@@ -3,24 +3,14 @@
 import numpy as np
 import pytest
 
-from tests.physics.fluid.liquid.tanks import method, particles, tank, water
+from tests.make.physics.fluid.liquid.flow import CELL, tap
+from tests.physics.fluid.liquid.tanks import method, particles, tank
 from wsim.physics.fluid.liquid import method as liquids
 from wsim.physics.fluid.liquid.objects import LiquidSource
 from wsim.scene import Motion, Scene
 from wsim.scene.curve import Curve
 from wsim.scene.solids import Box
 from wsim.simulation.simulation import Simulation
-
-CELL = 1.0 / 16.0
-
-
-def tap(frames: int = 24, **more) -> Scene:
-    """A flat box without gravity, open at +x, into which a slab gives liquid of 1 m/s, half as high."""
-    sides = ("closed", "open", *["closed"] * 4)
-    scene = tank((16, 8), [(0, 0), (1, 1)], cell=CELL, gravity=(0, 0, 0), sides=sides, frames=frames)
-    slab = water((2 * CELL, 0, 0), (4 * CELL, 4 * CELL, CELL), path="/tap", role="source", velocity=(1.0, 0.0, 0.0), **more)
-    scene.others["LiquidSource"] = [slab]
-    return scene
 
 
 def run(scene: Scene, frames: int, **more) -> Simulation:

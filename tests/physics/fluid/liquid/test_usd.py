@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom
 
+from tests.make.physics.fluid.liquid.flow import tap
 from tests.physics.fluid.liquid.tanks import tank, water
-from tests.physics.fluid.liquid.test_flow import tap
 from wsim.cli.run import prepare_recorded_run
 from wsim.physics.fluid.liquid import memory
 from wsim.physics.fluid.liquid.objects import Liquid

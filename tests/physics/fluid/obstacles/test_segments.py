@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.rounded import ROW, Rounded
+from tests.make.rows.rounded import ROW, Rounded
 from wsim.kernels.contact.collider import shape as device
 from wsim.kernels.contact.collider.segment import segment_queries
 from wsim.kernels.contact.mesh import SHEET, SOLID
@@ -47,7 +47,7 @@ def test_a_segment_stops_where_the_signed_distance_is_the_skin(shape):
     """A dense walk along each segment finds the same ones, and no earlier hit."""
     found = ROW if isinstance(shape, Rounded) else shape_row(shape)
     if found is ROW:
-        from tests.make import rounded
+        from tests.make.rows import rounded
         device.add_convex_shape("rounded", rounded.formula)
     skin, (p, q) = 1e-3, segments()
     outside = found.distance(shape, p) > skin

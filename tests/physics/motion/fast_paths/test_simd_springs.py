@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.motion.fast_paths.simd_springs import DOUBLE, FPS, FRAMES, SUBSTEPS, leapfrog
 from wsim.kernels.motion.fast_paths.simd_springs import EIGHT, LANES
 from wsim.physics.motion.fast_paths.simd_springs import LOT, RUN, Packets
 from wsim.scene import Scene, Sphere, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.plan import build_plan
 from wsim.simulation.simulation import Simulation
-
-DOUBLE = {"device": "cpu", "precision": "float64"}
-FRAMES, SUBSTEPS, FPS = 3, 7, 60.0
 
 
 def tangle(hub: int, **settings) -> tuple[Scene, dict]:
@@ -33,31 +31,6 @@ def tangle(hub: int, **settings) -> tuple[Scene, dict]:
     damping, scene = settings.pop("damping", 0.0), Scene(fps=FPS, substeps=SUBSTEPS, integrator="leapfrog", **settings)
     scene.net("/net", damping=damping, **net)
     return scene, net | {"damping": damping}
-
-
-def leapfrog(net: dict, frames: int, drag: float = 0.0, gravity=(0.0, -9.81, 0.0)) -> tuple[np.ndarray, np.ndarray]:
-    """Kick, drift, kick; damping and drag see v + h a / 2 of the step before. Forces are summed with np.add.at."""
-    x, v, m = net["points"].copy(), net["velocities"].copy(), net["masses"][:, None]
-    (i, j), k, h = net["edges"].T, net["stiffness"], 1.0 / FPS / SUBSTEPS
-
-    def acceleration(seen: np.ndarray) -> np.ndarray:
-        r = x[j] - x[i]
-        size = np.linalg.norm(r, axis=1)
-        n = r / np.where(size > 0.0, size, 1.0)[:, None]
-        pull = k * (size - net["lengths"] + net["damping"] * np.sum(n * (seen[j] - seen[i]), axis=1))
-        f = np.zeros_like(x)
-        np.add.at(f, i, pull[:, None] * n)
-        np.add.at(f, j, -pull[:, None] * n)
-        return f / m + gravity - drag * seen
-    for _ in range(frames):
-        seen = v
-        for step in range(SUBSTEPS):
-            a = acceleration(seen)
-            v = v + (h if step else 0.5 * h) * a
-            x += h * v
-            seen = v + 0.5 * h * a
-        v = v + 0.5 * h * acceleration(seen)
-    return x, v
 
 
 @pytest.mark.parametrize("hub", [5, LOT, LOT + 13])

@@ -6,7 +6,7 @@ from queue import SimpleQueue
 import numpy as np
 import pytest
 
-from tests.physics.motion.fast_paths.test_simd_springs import DOUBLE, FPS, FRAMES, SUBSTEPS, leapfrog
+from tests.make.physics.motion.fast_paths.simd_springs import DOUBLE, FPS, FRAMES, SUBSTEPS, leapfrog
 from wsim.kernels.motion.fast_paths.threads import DONE, FORMED
 from wsim.model.stage import THROWN
 from wsim.physics.motion import forces

@@ -6,10 +6,10 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.contact.test_candidate_lists import blob, surface
-from tests.physics.contact.test_candidate_lists import sheet as open_sheet
-from tests.physics.motion.fused.test_contact_lanes import TURN
-from tests.physics.motion.fused.test_kernel_fusion import moved
+from tests.make.physics.contact.candidate_lists import blob, surface
+from tests.make.physics.contact.candidate_lists import sheet as open_sheet
+from tests.make.physics.motion.fused.contact_lanes import TURN
+from tests.make.physics.motion.fused.kernel_fusion import moved
 from wsim.kernels.contact.project import contact_tables, slot_type
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.fused import contact

@@ -6,7 +6,8 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.motion.fused.test_kernel_fusion import moved
+from tests.make.physics.motion.fused.contact_lanes import TURN
+from tests.make.physics.motion.fused.kernel_fusion import moved
 from wsim.kernels.contact.project import contact_tables, slot_type
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.fused import contact, contact_lanes
@@ -16,7 +17,6 @@ from wsim.model.structs import fill_struct
 from wsim.scene import Box, Capsule, Motion, Plane, Scene, Sphere, shapes
 
 N, SUBSTEPS = 400, 40
-TURN = np.array([[0.8, 0.6, 0.0, 0.0], [-0.6, 0.8, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 SHAPES = {"plane": Plane(), "box": Box((0.3, 0.2, 0.3)), "sphere": Sphere(0.2), "capsule": Capsule(0.1, 0.4)}
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.motion.fused.test_kernel_fusion import sheet
+from tests.make.physics.motion.fused.kernel_fusion import sheet
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.model.model import build_model
 from wsim.physics.cloth.constraints import fill_constraints

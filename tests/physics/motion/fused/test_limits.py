@@ -4,7 +4,7 @@ order that letters allow."""
 import numpy as np
 import pytest
 
-from tests.physics.motion.fused.test_kernel_fusion import CLOTH
+from tests.make.physics.motion.fused.kernel_fusion import CLOTH
 from wsim.kernels.motion.fused.limits import BLOCK, LISTS, SLOT
 from wsim.model.model import build_model
 from wsim.physics.cloth.constraints import fill_constraints

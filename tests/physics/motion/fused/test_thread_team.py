@@ -10,21 +10,14 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.physics.motion.fused.test_kernel_fusion import blown, cube, everything
+from tests.make.physics.motion.fused.thread_team import scene
 from wsim.kernels.motion.fast_paths.threads import FORMED
 from wsim.physics.motion.fast_paths import threads
 from wsim.physics.motion.fused import kernel_fusion
-from wsim.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[4]
-LONG = 400             # substeps: a frame in which helpers have time to come
-MADE = {"everything": everything, "blown": blown, "cube": cube}
 
 
-def scene(name: str) -> Scene:
-    found = MADE[name]()
-    found.substeps, found.integrator = LONG, "leapfrog"
-    return found
 
 
 def simulation(name: str, monkeypatch, count: int) -> wsim.Simulation:
@@ -67,7 +60,7 @@ def test_helpers_that_never_come_are_not_waited_for(monkeypatch):
 
 def test_the_kernel_has_the_same_name_in_every_process():
     """Else no process would find in the cache what another has compiled."""
-    code = ("import warp as wp, wsim\nfrom tests.physics.motion.fused.test_thread_team import scene\n"
+    code = ("import warp as wp, wsim\nfrom tests.make.physics.motion.fused.thread_team import scene\n"
             "sim = wsim.Simulation(scene('blown'), device='cpu')\nprint(sorted(wp.get_module(sim.model.module).kernels))")
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT,
                            env=os.environ | {"PYTHONHASHSEED": seed}) for seed in ("1", "2")]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.make.physics.rigid.narrow.manifold import about, both, eps
 from tests.physics.rigid.narrow.reference import SIGNS
-from tests.physics.rigid.narrow.test_manifold import about, both, eps
 from tests.physics.rigid.pairs import WHERE, matrix, touch
 from wsim.geometry import rotation
 from wsim.geometry.convex_hull import convex_hull

@@ -4,19 +4,15 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.physics.rigid.narrow.manifold import about, both, eps
 from tests.physics.rigid.narrow.reference import polyhedra
-from tests.physics.rigid.pairs import PRECISIONS, matrix, poses, touch, turns
+from tests.physics.rigid.pairs import matrix, poses, touch, turns
 from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
 
 STILL = np.array([0.0, 0, 0, 0, 0, 0, 1])
 CLOSED = pairs_of_kinds(("plane", "sphere", "box", "capsule"))
 UNIT = ("box", (0.5, 0.5, 0.5))
 SIZES = {"sphere": (0.4,), "box": (0.3, 0.5, 0.7), "capsule": (0.25, 0.6)}
-both = pytest.mark.parametrize("real", PRECISIONS, ids=("f32", "f64"))
-
-
-def eps(real):
-    return np.finfo(np.float32 if real is wp.float32 else np.float64).eps
 
 
 def one(a, pose_a, b, pose_b, margin=0.1, real=wp.float64):
@@ -25,10 +21,6 @@ def one(a, pose_a, b, pose_b, margin=0.1, real=wp.float64):
 
 def at(x, y, z, q=(0.0, 0, 0, 1)):
     return np.array([x, y, z, *q])
-
-
-def about(axis, angle):
-    return np.append(np.sin(angle / 2) * np.asarray(axis, float), np.cos(angle / 2))
 
 
 @both

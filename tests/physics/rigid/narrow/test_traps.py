@@ -6,14 +6,14 @@ import sys
 import pytest
 import warp as wp
 
-from tests.physics.rigid.narrow import test_triangles
+from tests.make.physics.rigid.narrow import triangles
 from wsim.kernels.rigid.lists.collide_mesh import collide_mesh
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "darwin", reason="Warp compiles for CUDA on Linux and Windows alone")
-@pytest.mark.parametrize("made", [lambda: test_triangles.kernel(wp.float32),
-                                  lambda: collide_mesh(test_triangles.KINDS, wp.float32, "test_traps")], ids=["pairs", "rows"])
+@pytest.mark.parametrize("made", [lambda: triangles.kernel(wp.float32),
+                                  lambda: collide_mesh(triangles.KINDS, wp.float32, "test_traps")], ids=["pairs", "rows"])
 def test_no_way_through_the_narrow_phase_ends_in_a_trap(made, tmp_path):
     wp.compile_aot_module(made().module, device=None, arch=90, module_dir=str(tmp_path), use_ptx=True)
     (code,) = tmp_path.glob("*.ptx")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.physics.rigid.test_contact import G, Seen, box, world
+from tests.make.physics.rigid.contact import G, Seen, box, world
 from wsim.kernels.rigid import soft_step
 from wsim.simulation.simulation import Simulation
 

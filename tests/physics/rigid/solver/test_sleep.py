@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.physics.rigid.test_contact import Seen, ball, box, world
+from tests.make.physics.rigid.contact import Seen, ball, box, world
+from tests.make.physics.rigid.solver.sleep import asleep
 from wsim.physics.rigid import forms
 from wsim.scene import Box
 from wsim.scene.curve import Motion
@@ -21,12 +22,6 @@ def form(request, monkeypatch):
 
 def sleepy(*bodies, speed: float = 0.05, **more) -> Simulation:
     return Simulation(replace(world(*bodies, **more).given, sleep_speed=speed), device="cpu")
-
-
-def asleep(sim: Simulation) -> dict[str, bool]:
-    method = sim.plan.method("rigid")
-    values = method.part.arrays["asleep"].numpy()
-    return {body.path: bool(values[k]) for k, (body, _) in enumerate(method.bodies)}
 
 
 def column(n: int, x: float = 0.0) -> list:

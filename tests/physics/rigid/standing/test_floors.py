@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.physics.rigid.narrow.test_triangles import cube, floor
+from tests.make.physics.rigid.contact import G, Seen, ball, box, tilted
+from tests.make.physics.rigid.narrow.triangles import cube, floor
 from tests.physics.rigid.pairs import WHERE
-from tests.physics.rigid.test_contact import G, Seen, ball, box, tilted
 from wsim.physics.rigid.solids import contact_shape_of
 from wsim.scene import Collider, Scene, Surface, shapes
 from wsim.scene.check.scene import check_scene

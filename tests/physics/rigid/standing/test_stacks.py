@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.make.physics.rigid.standing.stacks import dice, floor, moved, piled, tower
+from tests.make.physics.rigid.standing.statics import frame, stone
 from tests.physics.rigid.pairs import WHERE
-from tests.physics.rigid.standing.test_statics import frame, stone
 from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Box, Collider, Cylinder, Plane, Scene, Sphere
+from wsim.scene import Box, Collider, Cylinder, Scene, Sphere
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
@@ -19,39 +20,6 @@ STEPS = 33             # of ten dice: sqrt(10^2 9.81 / 0.016 / 0.04) / (pi / 2) 
 SUNK, TILT = 0.05, 1.0                                                 # of the smallest body; [degrees]
 
 
-def floor(rub: float = 0.5, **more) -> Scene:
-    """A stage's defaults: 24 fps, no substeps named."""
-    scene = Scene(up="Z", **more)
-    scene.collider("/floor", Plane(), static_friction=rub, dynamic_friction=rub)
-    return scene
-
-
-def piled(shapes: list, masses=None, **more) -> Scene:
-    """Shapes on one another; (shape, height) of each [m]."""
-    scene, z = floor(**more), 0.0
-    for k, (shape, height) in enumerate(shapes):
-        scene.add(Body(f"/b{k}", [Collider(f"/b{k}/shape", shape)], Motion.at_place((0.0, 0.0, z + 0.5 * height)),
-                       mass=masses[k] if masses else None))
-        z += height
-    return scene
-
-
-def dice(n: int = 10, size: float = 0.016, **more) -> Scene:
-    return piled([(Box((0.5 * size,) * 3), size)] * n, **more)
-
-
-def tower() -> Scene:
-    """18 levels of three wooden blocks of 75 x 25 x 15 mm, every other level turned."""
-    scene, long, wide = floor(), 0.0375, 0.0125
-    for k in range(54):
-        level, side = divmod(k, 3)
-        turned, at = level % 2, 0.0252 * (side - 1)
-        half = (wide, long, 0.0075) if turned else (long, wide, 0.0075)
-        place = (at * turned, at * (1 - turned), 0.015 * (level + 0.5))
-        scene.add(Body(f"/b{k}", [Collider(f"/b{k}/shape", Box(half))], Motion.at_place(place), density=600.0))
-    return scene
-
-
 def arch(thickness: float, stones: int = 17) -> Scene:
     scene, angle = floor(0.8), np.pi / stones
     for k in range(stones):
@@ -59,18 +27,6 @@ def arch(thickness: float, stones: int = 17) -> Scene:
         shape = Collider(f"/b{k}/shape", stone(thickness, angle), static_friction=0.8, dynamic_friction=0.8)
         scene.add(Body(f"/b{k}", [shape], frame(R, R @ (0.0, 1.0, 0.0))))
     return scene
-
-
-def moved(scene: Scene, seconds: float = 5.0) -> tuple[float, float, Simulation]:
-    """How far the top has sunk [m], the largest turn of a body [degrees], and the simulation."""
-    sim = Simulation(scene, **WHERE)
-    rigid = sim.plan.method("rigid")
-    start = rigid.poses()
-    sim.run(round(seconds * scene.fps))
-    end = rigid.poses()
-    turns = np.einsum("nij,nij->n", start[:, :3, :3], end[:, :3, :3])
-    top = np.argmax(start[:, 2, 3])
-    return start[top, 2, 3] - end[top, 2, 3], float(np.degrees(np.arccos(np.clip(0.5 * (turns - 1.0), -1.0, 1.0))).max()), sim
 
 
 @pytest.mark.parametrize("make, size", [

@@ -3,19 +3,14 @@
 import numpy as np
 import pytest
 
+from tests.make.physics.rigid.contact import UP, G, Seen
+from tests.make.physics.rigid.standing.statics import frame, stone
 from tests.physics.rigid.pairs import WHERE
-from tests.physics.rigid.test_contact import UP, G, Seen
 from wsim.geometry.rotation import axis_rotation_matrix
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Box, Capsule, Collider, Plane, Scene, Surface
+from wsim.scene import Box, Capsule, Collider, Plane, Scene
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
-
-
-def frame(R, at) -> Motion:
-    M = np.eye(4)
-    M[:3, :3], M[:3, 3] = R, at
-    return Motion.still(M)
 
 
 def stage(bodies, rub: float, substeps: int = 16, sweeps: int = 4, precision: str = "float32") -> Simulation:
@@ -24,15 +19,6 @@ def stage(bodies, rub: float, substeps: int = 16, sweeps: int = 4, precision: st
     for body in bodies:
         scene.add(body)
     return Simulation(scene, **WHERE, precision=precision)
-
-
-def stone(thickness: float, angle: float, deep: float = 0.5) -> Surface:
-    """A voussoir of a ring of mean radius 1, from -angle / 2 to angle / 2 about the y axis of its frame, whose origin is the
-    middle of the stone; a convex mesh."""
-    rho, a = np.array([1.0 - 0.5 * thickness, 1.0 + 0.5 * thickness]), 0.5 * angle
-    points = np.array([(r * np.sin(s * a), r * np.cos(a) - 1.0, 0.5 * z * deep) for z in (-1, 1) for r in rho for s in (-1, 1)])
-    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    return Surface(points, np.full(6, 4), np.ravel(faces))
 
 
 def arch(thickness: float, stones: int = 17, rub: float = 0.8) -> list[Body]:

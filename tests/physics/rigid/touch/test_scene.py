@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
-from tests.physics.rigid.test_contact import UP, ball, box
+from tests.make.physics.rigid.contact import UP, ball, box
+from tests.make.physics.rigid.touch.scene import falls
 from tests.physics.rigid.touch.touching import Mixed, rim, run, scene
 from wsim.cli.run import prepare_recorded_run
 from wsim.geometry.tetra.lattice import tet_box as block
@@ -20,10 +21,6 @@ from wsim.usd import load, save
 
 SCENES = Path(__file__).parents[4] / "scenes"
 CPU = {"device": "cpu"}
-
-
-def falls(**more) -> Scene:
-    return scene(ball("/ball", (0.03, 0.16, 0.02), 0.15, velocity=(0.0, -2.0, 0.3), mass=0.4, rest=0.3), pinned=True, **more)
 
 
 @pytest.mark.parametrize("way", [("xpbd", "backward_euler", 8), ("xpbd", "bdf2", 8), ("implicit", "backward_euler", 3)])

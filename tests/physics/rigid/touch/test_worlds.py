@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.physics.rigid.test_contact import UP, ball, box
-from tests.physics.rigid.touch.test_scene import falls
+from tests.make.physics.rigid.contact import UP, ball, box
+from tests.make.physics.rigid.touch.scene import falls
 from tests.physics.rigid.touch.touching import grid, run, scene
 from wsim.physics.rigid.touch import points
 from wsim.scene import Plane, Scene

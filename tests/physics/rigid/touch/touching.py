@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.physics.rigid.test_contact import ball, box
+from tests.make.physics.rigid.contact import ball, box
 from wsim.scene import Scene
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from tests.physics.solver.test_newton_adjoint import Probe
+from tests.make.physics.solver.newton_adjoint import Probe
+from tests.make.physics.solver.schwarz.schwarz import sheet
 from wsim.physics.solver.schwarz import solver, tree
 from wsim.physics.solver.schwarz.bisection import bisect_coordinates
-from wsim.scene import Scene, shapes
-from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
 
 
@@ -15,14 +14,6 @@ from wsim.simulation.simulation import Simulation
 def always(monkeypatch):
     """Small and soft sheets too."""
     monkeypatch.setitem(solver.PAYS, "cpu", (0, 0.0))
-
-
-def sheet(cells: int = 9, stretch: float = 1e4, **more) -> Scene:
-    scene = Scene(**{"solver": "implicit", "integrator": "backward_euler", "fps": 24.0, "substeps": 2, "iterations": 2} | more)
-    cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, cells, cells), model="membrane",
-                        material=Fabric(stretch=stretch, shear=0.3 * stretch, bend=1e-4))
-    scene.pin("/pin", cloth, [0, cells])
-    return scene
 
 
 class Sheet(Probe):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.solver.schwarz.test_schwarz import sheet
+from tests.make.physics.solver.schwarz.schwarz import sheet
 from wsim.physics.solver import newton
 from wsim.physics.solver.schwarz import solver
 from wsim.scene import Scene, shapes

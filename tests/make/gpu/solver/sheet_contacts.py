@@ -1,0 +1,12 @@
+"""What tests/gpu/solver/test_sheet_contacts.py shares with other tests: run."""
+
+import wsim
+from wsim.scene import Scene
+
+
+def run(scene: Scene, frames: int = 4):
+    sim = wsim.Simulation(scene, device="cuda:0")
+    for _ in range(frames):
+        sim.step()
+    contacts = sim.plan.ports.contacts
+    return sim, sim.state.x.numpy(), sim.state.v.numpy(), contacts.impulses(sim.plan.clock.g), contacts.mark.numpy()
