@@ -56,11 +56,8 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     times = _time_codes_to_draw(seen, frames, moving, sheet)
     cell, columns = contact_sheet_cells(size, len(times)) if sheet else (size, 1)
     cameras, floors = _cameras_and_ground(seen, times, camera, cell[0] / cell[1])
-    caster = RayCaster([d.look for d in seen.drawn], cell, device)
-    images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor,
-                           [d.colors(t) if d.colors else d.look.colors for d in seen.drawn],
-                           [(smoke, smoke.at(t)) for smoke in seen.smoke], seen.floor is not None)
-              for t, c, floor in zip(times, cameras, floors, strict=True)]
+    caster = caster_of_stage(seen, cell, device)
+    images = [image_of_stage(caster, seen, t, c, floor) for t, c, floor in zip(times, cameras, floors, strict=True)]
     drawn = perf_counter()
     if sheet:
         images = [tile_images(images, columns)]
@@ -68,6 +65,20 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     _write_picture_file(out, images, fps)
     return {"out": str(out), "frames": times, "size": [images[0].shape[1], images[0].shape[0]], "notes": seen.notes,
             "seconds": {"draw": drawn - began, "total": perf_counter() - began}}
+
+
+def caster_of_stage(seen: VisibleStage, size: tuple[int, int], device=None) -> RayCaster:
+    """A ray caster of the meshes of a stage."""
+    return RayCaster([d.look for d in seen.drawn if not d.balls], size, device)
+
+
+def image_of_stage(caster: RayCaster, seen: VisibleStage, time: float, camera: Camera, floor: float | None) -> np.ndarray:
+    """A stage at a time code: uint8 (h, w, 3), sRGB."""
+    meshes = [d for d in seen.drawn if not d.balls]
+    return caster.image([d.points(time) for d in meshes], camera, seen.up, floor,
+                        [d.colors(time) if d.colors else d.look.colors for d in meshes],
+                        [(smoke, smoke.at(time)) for smoke in seen.smoke], seen.floor is not None,
+                        [d.balls(time) for d in seen.drawn if d.balls])
 
 
 def _checked_out(out: Path) -> Path:
@@ -112,7 +123,7 @@ def _cameras_and_ground(seen: VisibleStage, times: list[float], camera, aspect: 
     groups = framed_points(seen, times)
     chosen = np.concatenate([groups[k] for k in subjects_in_view(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
     axis = "XYZ".index(seen.up)
-    base = min((float(g[:, axis].min()) for g in groups), default=0.0)
+    base = min((float(g[:, axis].min()) for g in groups if len(g)), default=0.0)
     floors: list[float | None] = [base if seen.floor is None else seen.floor(t) for t in times]
     if isinstance(camera, Camera):
         return [camera] * len(times), floors
@@ -140,9 +151,10 @@ def framed_points(seen: VisibleStage, times: list[float]) -> list[np.ndarray]:
 
 
 def finite_points(drawn: DrawnPrim, time: float, needed: bool) -> np.ndarray | None:
-    """Points of a thing at a time code; None of a broken frame, where it is not needed."""
+    """Points of a thing at a time code, of particles the corners of boxes about them; None of a broken frame, where it is not
+    needed."""
     try:
-        return drawn.points(time)
+        return drawn.balls(time).corners() if drawn.balls else drawn.points(time)
     except SceneError:
         if needed:
             raise

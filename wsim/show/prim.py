@@ -28,6 +28,20 @@ class DrawnPrim:
     points: Callable[[float], np.ndarray]
     moves: bool = True                                    # False: the same points at all times
     colors: Callable[[float], np.ndarray] | None = None   # of `look` at a time code, where they change: as many as there
+    balls: Callable[[float], "Balls"] | None = None       # of particles, as many at each time as `points` gives: no triangles
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Particles: world centres [m] (n, 3), radii [m] (n,), linear colours (n, 3)."""
+
+    centers: np.ndarray
+    radii: np.ndarray
+    colors: np.ndarray
+
+    def corners(self) -> np.ndarray:
+        """Low and high corners of boxes about them (2 n, 3) [m]."""
+        return np.concatenate([self.centers - self.radii[:, None], self.centers + self.radii[:, None]])
 
 
 def prim_to_world_matrix(prim: Usd.Prim, time: float) -> np.ndarray:
@@ -36,10 +50,11 @@ def prim_to_world_matrix(prim: Usd.Prim, time: float) -> np.ndarray:
 
 
 def triangulate_prim(prim: Usd.Prim, kind: str, number: int, time: float, meters: float) -> DrawnPrim | None:
-    """The prim as triangles; None if it has none (an empty mesh)."""
+    """The prim as triangles, or as balls; None if it has none (an empty mesh)."""
+    if prim.IsA(UsdGeom.Points) and not drawn_by(prim):
+        return _particles_of_points(prim, kind, number, meters)
     corners: np.ndarray | None = None
     polygon: np.ndarray | None = None
-    time = _time_of_most_particles(prim, time)
     if prim.IsA(UsdGeom.Mesh):
         triangles, corners, polygon = _mesh_triangles(prim, time)
     else:
@@ -55,8 +70,6 @@ def triangulate_prim(prim: Usd.Prim, kind: str, number: int, time: float, meters
 
     def world_points_at(t: float) -> np.ndarray:
         local = _points_in_prim_frame(prim, t)
-        if prim.IsA(UsdGeom.Points) and len(local) < len(first):          # those that are not there have no size
-            local = np.concatenate([local, np.repeat(first[-1:], len(first) - len(local), axis=0)])
         if local.shape != first.shape or not np.isfinite(local).all():
             bad = np.flatnonzero(~np.isfinite(local).all(axis=1))
             found = f"point {bad[0]} is not finite" if len(bad) else f"{len(local)} points, {len(first)} at the start"
@@ -85,10 +98,38 @@ def triangulate_prim(prim: Usd.Prim, kind: str, number: int, time: float, meters
     return drawn
 
 
-def _time_of_most_particles(prim: Usd.Prim, time: float) -> float:
-    """`time`; of particles, whose number changes, a time code at which there are most."""
-    points = UsdGeom.Points(prim).GetPointsAttr() if prim.IsA(UsdGeom.Points) else None
-    return max([time, *points.GetTimeSamples()], key=lambda code: len(points.Get(code) or ())) if points else time
+def _particles_of_points(prim: Usd.Prim, kind: str, number: int, meters: float) -> DrawnPrim | None:
+    """Points as balls of their widths; None where there are none at any time."""
+    attribute, path = UsdGeom.Points(prim).GetPointsAttr(), str(prim.GetPath())
+    if not any(len(attribute.Get(code) or ()) for code in (attribute.GetTimeSamples() or [Usd.TimeCode.Default()])):
+        return None
+    plain = np.array([palette_colour(kind, number)])
+
+    def centers_at(t: float) -> np.ndarray:
+        local, M = _authored_points(prim, t), prim_to_world_matrix(prim, t)
+        bad = np.flatnonzero(~np.isfinite(local).all(axis=1))
+        if len(bad):
+            raise SceneError(Problem(path, f"at time code {t:g}: point {bad[0]} is not finite; draw earlier frames "
+                                           "(frames=...), or simulate again with more substeps"))
+        return meters * (local @ M[:3, :3].T + M[:3, 3])
+
+    def balls_at(t: float) -> Balls:
+        centers = centers_at(t)
+        scale = meters * np.cbrt(abs(np.linalg.det(prim_to_world_matrix(prim, t)[:3, :3])))
+        widths = _point_widths(prim, t, centers / scale)
+        return Balls(centers, 0.5 * scale * widths, _point_colours(prim, t, len(centers), plain))
+    return DrawnPrim(MeshLook(np.zeros((0, 3)), plain, path=path), kind, centers_at, shape_is_animated(prim), balls=balls_at)
+
+
+def _point_colours(prim: Usd.Prim, time: float, count: int, plain: np.ndarray) -> np.ndarray:
+    """Linear colour of each of `count` particles: displayColor of each or of all, else of the material, else the plain one."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+    found = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None
+    values = np.asarray(found or [], float).reshape(-1, 3)
+    if len(values) == 0:
+        color = _diffuse_material_colour(prim)
+        values = plain if color is None else color[None]
+    return values if len(values) == count else np.broadcast_to(values.mean(axis=0), (count, 3))
 
 
 def drawn_by(prim: Usd.Prim):
@@ -110,8 +151,8 @@ def shape_is_animated(prim: Usd.Prim) -> bool:
 
 
 def _is_round(prim: Usd.Prim, kind: str) -> bool:
-    """Whether a prim is shaded without creases: tubes, beads, and cloth that moves."""
-    if prim.IsA(UsdGeom.Curves) or prim.IsA(UsdGeom.Points):
+    """Whether a prim is shaded without creases: tubes, and cloth that moves."""
+    if prim.IsA(UsdGeom.Curves):
         return True
     return kind == "cloth" and prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()
 
@@ -170,9 +211,6 @@ def _outline_of_shape(prim: Usd.Prim, time: float) -> primitives.Outline:
     name, number = str(prim.GetTypeName()), lambda field: _number_attribute(prim, field, time)
     if name == "BasisCurves":
         return _tubes_along_curves(prim, time)
-    if name == "Points":
-        points = _authored_points(prim, time)
-        return primitives.bead_outlines(points, 0.5 * _point_widths(prim, time, points))
     axis = str(prim.GetAttribute("axis").Get() or "Z")
     if name == "Plane":
         sides = 0.5 * number("width"), 0.5 * number("length")
@@ -187,7 +225,7 @@ def _outline_of_shape(prim: Usd.Prim, time: float) -> primitives.Outline:
 
 def _point_widths(prim: Usd.Prim, time: float, points: np.ndarray) -> np.ndarray:
     """Width of each point, stage units: authored, else the deformable thickness, else a share of the size."""
-    for name in ("widths", "physics:thicknesses"):
+    for name in ("primvars:widths", "widths", "physics:thicknesses"):
         attribute = prim.GetAttribute(name)
         widths = np.asarray(attribute.Get(time) or [], float) if attribute else np.zeros(0)
         if len(widths) in (1, len(points)):

@@ -13,6 +13,7 @@ from wsim.show.camera import Camera, fit_camera_to_points, subjects_in_view, up_
 from wsim.show.shading import MeshLook
 
 if TYPE_CHECKING:
+    from wsim.show.prim import Balls
     from wsim.show.smoke.read import SmokeDensity, SmokeVolume
     Cloud = tuple[SmokeVolume, SmokeDensity | None]
 
@@ -41,14 +42,15 @@ class RayCaster:
 
     def image(self, points: Sequence[np.ndarray], camera: Camera, up: str = "Y", floor: float | None = None,
               colors: Sequence[np.ndarray] | None = None, clouds: "Sequence[Cloud]" = (),
-              tiles: bool = False) -> np.ndarray:
+              tiles: bool = False, balls: "Sequence[Balls]" = ()) -> np.ndarray:
         """uint8 (h, w, 3), sRGB. points: world positions [m] of each mesh; floor: height of the ground [m], or none; colors:
         linear, of each mesh as many as its look has; None: those; clouds: smoke, and its density now (None: there is none);
-        tiles: squares show the ground, else its shadows alone."""
+        tiles: squares show the ground, else its shadows alone; balls: particles."""
         sets = [np.asarray(p, np.float64) for p in points]
         if self.mesh is None:              # unit of length, kept: what stands still is then drawn the same to the bit
             boxes = [smoke.corners(smoke.times[0] if smoke.times else 0.0) for smoke, _ in clouds]
-            seen = [sets[k] for k in subjects_in_view(sets)] + boxes or [np.zeros((1, 3))]
+            sets_of_all = [*sets, *(each.corners() for each in balls)]
+            seen = [sets_of_all[k] for k in subjects_in_view(sets_of_all)] + boxes or [np.zeros((1, 3))]
             low, high = np.min([p.min(axis=0) for p in seen], axis=0), np.max([p.max(axis=0) for p in seen], axis=0)
             self.center, self.scale = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-9)
         center, scale = self.center, self.scale
@@ -60,6 +62,9 @@ class RayCaster:
             view.tile = tile_size(scale) / scale if tiles else 0.0
             shape = self.light.shape
             wp.launch(ray.trace_primary_rays, dim=shape, inputs=[surfaces, view, self.samples], outputs=[self.light])
+            if any(len(each.radii) for each in balls):
+                from wsim.show.image.particles import trace_balls
+                trace_balls(balls, surfaces, view, self.samples, self.light, center, scale)
             media = _smoke_media_of_image(clouds, camera.eye, center, scale)
             if media:
                 self.light, self.other = media.light(surfaces, view, self.samples, self.light, self.other)

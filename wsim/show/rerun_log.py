@@ -80,9 +80,9 @@ class RerunLog:
             self.stream.log(f"plots/{plot}/{name}", self.rr.Scalars(float(value)))
 
     def log_beads(self, path: str, places: np.ndarray, radii: np.ndarray, color: np.ndarray) -> None:
-        """Spheres (n, 3), (n,) [m] of one linear colour at the log's time."""
+        """Spheres (n, 3), (n,) [m] at the log's time. color: linear, (3,), or (n, 3) of each."""
         self.stream.log("world" + path, self.rr.Points3D(places.astype(np.float32), radii=radii.astype(np.float32),
-                                                         colors=linear_to_srgb(color[None])))
+                                                         colors=linear_to_srgb(np.atleast_2d(color))))
 
     def close(self) -> None:
         """All that was logged has left; a file is complete."""

@@ -145,7 +145,7 @@ class MovedShapes:
                     if path := self.instances.get((each.path, number)):
                         self._place(path, moved @ self.things[path].motion.at(0.0))
             elif isinstance(each, samples.ParticleSample):
-                self.log.log_beads(each.path, each.positions, 0.5 * each.widths, np.array(palette_colour("soft", 0)))
+                self.log.log_beads(each.path, each.positions, 0.5 * each.widths, np.array(palette_colour("particles", 0)))
             elif isinstance(each, samples.VolumeSample) and "density" in each.fields:
                 self._send_smoke(each)
 
@@ -211,13 +211,17 @@ def _log_whole_stage(seen: VisibleStage, result_path, save: Path | None, web: We
     places = [np.concatenate([d.points(t) for t in ends]) for d in seen.drawn]
     log = RerunLog(Path(result_path).stem, seen.up, save, web,
                    _fit_viewer_eye([*places, *(s.corners(seen.times[0]) for s in seen.smoke)], seen.up))
-    meshes = [(LoggedMesh(log, d.look), d) for d in seen.drawn]
+    meshes = [(LoggedMesh(log, d.look), d) for d in seen.drawn if not d.balls]
+    particles = [(d.look.path, d.balls) for d in seen.drawn if d.balls]
     measures = ResultMeasures.of(seen)
     for t in seen.times:
         log.at(t, (t - seen.times[0]) / seen.fps)
         for shown, d in meshes:
             if not shown.started or d.moves or d.colors:
                 shown.send(d.points(t), d.colors(t) if d.colors else None)
+        for path, balls_at in particles:
+            balls = balls_at(t)
+            log.log_beads(path, balls.centers, balls.radii, balls.colors)
         for smoke in seen.smoke:
             log.log_beads(smoke.path, *_smoke_beads_at(smoke, t), smoke.albedo)
         if measures:

@@ -1,9 +1,9 @@
 """What a stage shows: its visible prims as triangle meshes in world space [m], at any time code. Reads by pxr.
 
 Drawn are Mesh, TetMesh (its surface, unless meshes of its soft body are seen instead), the analytic shapes, BasisCurves
-(control polygons, as tubes) and Points (as beads), with the texture of a bound preview material (PNG, as finely as
-the mesh is cut), else their display colours, else the diffuse colour of that material, else a palette by what they
-are; volumes with an OpenVDB density are smoke. Skinned meshes move with their skeleton.
+(control polygons, as tubes) and Points (as balls of their widths), with the texture of a bound preview material (PNG, as finely
+as the mesh is cut), else their display colours, else the diffuse colour of that material, else a palette by what they are;
+volumes with an OpenVDB density are smoke. Skinned meshes move with their skeleton.
 Guides and proxies are drawn only where a stage shows nothing else, domains of fluids never. Point instancers are not drawn, and
 `VisibleStage.notes` says so.
 """
@@ -168,6 +168,8 @@ def _simulated_kind(prim: Usd.Prim) -> str:
     schemas = applied_schemas(prim)
     if prim.IsA(UsdGeom.BasisCurves):
         return "springs"
+    if prim.IsA(UsdGeom.Points):
+        return "particles"
     if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.PointBased) and (_soft_body(prim) or prim.GetCustomDataByKey(OF)):
         return "soft"
     if any(name.endswith("DeformableSimAPI") for name in schemas):
@@ -180,7 +182,7 @@ def _simulated_kind(prim: Usd.Prim) -> str:
 
 def _all_drawn(prims: list[Usd.Prim], time: float, meters: float) -> list[DrawnPrim]:
     kinds = {prim.GetPath(): _simulated_kind(prim) for prim in prims}
-    if not {"cloth", "springs", "soft"} & set(kinds.values()):     # nothing else to look at: shapes get the warm colours
+    if not {"cloth", "springs", "soft", "particles"} & set(kinds.values()):     # nothing else: shapes get the warm colours
         kinds = {path: "cloth" if kind == "plain" else kind for path, kind in kinds.items()}
     drawn, numbers = [], dict.fromkeys(PALETTE, 0)
     for prim in prims:

@@ -12,8 +12,7 @@ from wsim.scene import Problem, SceneError
 from wsim.show.camera import fit_camera_to_points, subjects_in_view
 from wsim.show.image import png
 from wsim.show.image.label import label_image
-from wsim.show.picture import contact_sheet_cells, tile_images
-from wsim.show.raycast import RayCaster
+from wsim.show.picture import caster_of_stage, contact_sheet_cells, finite_points, image_of_stage, tile_images
 from wsim.show.visible import VisibleStage, read_visible_stage
 from wsim.sweep.folder import CIRCUMSTANCES
 from wsim.usd.result.atomic import replace_bytes, replace_file_atomically
@@ -58,20 +57,16 @@ def describe_run(row: dict[str, str]) -> list[str]:
 
 def _camera_for_all_runs(stages: list[VisibleStage], aspect: float):
     """One camera that shows what moves in any of them."""
-    groups = [np.concatenate(sets) for sets in zip(*(
-        [d.points(seen.times[-1])[::1 + len(d.points(seen.times[-1])) // 5000] for d in seen.drawn] for seen in stages),
-        strict=False)]
+    ends = [[points for d in seen.drawn if (points := finite_points(d, seen.times[-1], True)) is not None] for seen in stages]
+    groups = [np.concatenate([points[::1 + len(points) // 5000] for points in sets]) for sets in zip(*ends, strict=False)]
     points = np.concatenate([groups[k] for k in subjects_in_view(groups)] or [np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, 1.0]])])
     return fit_camera_to_points(points, stages[0].up, aspect)
 
 
 def _image_of_last_frame(seen: VisibleStage, camera, cell: tuple[int, int], device) -> np.ndarray:
     time = seen.times[-1]
-    caster = RayCaster([d.look for d in seen.drawn], cell, device)
     base = min((float(d.points(time)[:, "XYZ".index(seen.up)].min()) for d in seen.drawn), default=0.0)
-    return caster.image([d.points(time) for d in seen.drawn], camera, seen.up, seen.floor(time) if seen.floor else base,
-                        [d.colors(time) if d.colors else d.look.colors for d in seen.drawn],
-                        [(smoke, smoke.at(time)) for smoke in seen.smoke], seen.floor is not None)
+    return image_of_stage(caster_of_stage(seen, cell, device), seen, time, camera, seen.floor(time) if seen.floor else base)
 
 
 # plots
