@@ -18,6 +18,10 @@ ONCE, ONE_WORD = 0.78, 0.29          # at least, at most
 # what files of a method's folder must offer under these names: see wsim/scene/methods.py
 ROLES = ("objects", "check", "initial", "usd", "method", "show")
 ROLE_NAMES = ("check", "load", "author", "author_at", "within", "build", "signature", "triangles")
+# hooks of `wsim.model.stage.Method` under names that they no longer have: a method that still uses one is never called there
+OLD_HOOKS = {"enter": "choose_frame_form", "meet": "connect_ports", "reserve": "lengthen_lists", "retry": "find_remedies",
+             "notes": "frame_warnings", "kept": "kept_distances", "restored": "prepare_restart", "resumed": "resume_run",
+             "set": "set_value"}
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,7 @@ def describe_names(trees: dict[Path, ast.Module]) -> str:
 
 def worse_names(trees: dict[Path, ast.Module]) -> Iterator[str]:
     """Complaints where a share is worse than the one that was reached."""
+    yield from old_hooks(trees)
     once, one_word = name_shares(trees)
     if once < ONCE:
         yield (f"tools/lint_names.py:1: {100 * once:.2f} % of names occur once, at least {100 * ONCE:.2f}: give new functions "
@@ -102,3 +107,13 @@ def worse_names(trees: dict[Path, ast.Module]) -> Iterator[str]:
     if one_word > ONE_WORD:
         yield (f"tools/lint_names.py:1: {100 * one_word:.2f} % of functions have a name of one word, at most "
                f"{100 * ONE_WORD:.2f}: name new functions by a verb and its object")
+
+
+def old_hooks(trees: dict[Path, ast.Module]) -> Iterator[str]:
+    """Complaints where a method of a plan defines a hook under an old name."""
+    methods, bases = class_tables(trees)
+    for path, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and "find_remedies" in inherited_names(node.name, methods, bases):
+                yield from (f"{path}:{inner.lineno}: the hook `{inner.name}` is `{OLD_HOOKS[inner.name]}` now"
+                            for inner in node.body if isinstance(inner, ast.FunctionDef) and inner.name in OLD_HOOKS)

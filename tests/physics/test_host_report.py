@@ -100,7 +100,7 @@ def test_residuals_on_the_host_are_those_of_kernels(name, monkeypatch):
     sim.run(2)
     host, kernels = both(monkeypatch, sim.indicators)
     assert host["residual"] > 1e-6 and host["residual"] == pytest.approx(kernels["residual"], rel=1e-9)
-    method, h = sim.plan.method("xpbd"), sim.plan.clock.g
+    method, h = sim.plan.method("xpbd"), sim.plan.clock.effective_step
     for batch, kernel in zip(method.batches, method.residual_kernels("residuals"), strict=True):
         largest = wp.zeros(1, dtype=wp.float64, device="cpu")
         wp.launch(kernel, batch.size, [batch.data, sim.state.x, sim.state.e, batch.lam, 1.0 / h, 0], [largest], device="cpu")

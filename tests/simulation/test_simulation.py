@@ -291,7 +291,7 @@ def test_a_frame_that_lacked_room_is_repeated_before_an_integrator_gives_way():
     """Which contacts there was no room for is chance, and so is what they would have left."""
     sim = Simulation(chain(3, substeps=8, iterations=60, integrator="implicit_midpoint"), **CPU)
     said = [Remedy("grow", lambda: "8 pairs were near, and there was room for 4"), Remedy("give way")]
-    sim.plan.methods[0].retry = lambda status: said
+    sim.plan.methods[0].find_remedies = lambda status: said
     assert retry.prepare_frame_retry(sim) and sim.plan.integrator == "implicit_midpoint"
     said[0] = Remedy("grow", lambda: "")
     assert retry.prepare_frame_retry(sim) and sim.plan.integrator == "backward_euler"

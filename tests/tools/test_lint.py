@@ -43,6 +43,13 @@ def test_both_statistics_of_names_complain_when_they_get_worse():
     assert "occur once" in once and "one word" in words
 
 
+def test_a_hook_under_its_old_name_is_caught():
+    """It would never be called, in silence."""
+    odd = {Path("wsim/odd.py"): "class Odd(Method):\n    def retry(self, status): ...\n"}
+    (said,) = lint.lint_names.old_hooks(dict(lint.product({**FILES, **odd}).values()))
+    assert said == "wsim/odd.py:2: the hook `retry` is `find_remedies` now"
+
+
 def test_names_that_a_base_class_demands_do_not_count_again():
     body = "    def take(self): ...\n"
     text = f"class Base:\n{body}class A(Base):\n{body}class B(Base):\n{body}"

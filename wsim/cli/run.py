@@ -227,7 +227,7 @@ def _resume_from_restart(sim: "Simulation", earlier: "RestartState", samples: in
     """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes and this run is stepped
     as that one was."""
     fields = earlier.fields
-    sim.plan.methods.restored(fields)                 # substeps that checks have raised are part of what is gone on with
+    sim.plan.methods.prepare_restart(fields)                 # substeps that checks have raised are part of what is gone on with
     if others := changed_settings(earlier.made, settings_of_run(sim, samples)):
         fields = {path: own for path, own in fields.items() if path not in earlier.positions}
         earlier.notes.append(Problem(earlier.path, f"was run otherwise ({'; '.join(others)}): the run goes on from positions "

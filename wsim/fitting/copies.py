@@ -112,7 +112,7 @@ class SceneCopies:
             for path, name, value in p.live(self.scene):
                 if name in WEIGHTS:
                     for method in self.sim.plan.methods:
-                        method.set(path, name, value, None)
+                        method.set_value(path, name, value, None)
         self.values = None
 
     def begin(self, values: np.ndarray) -> None:
@@ -161,7 +161,7 @@ class SceneCopies:
                 scene = p.written(scene, float(value))
             given = {(path, name): value for p in self.parameters for path, name, value in p.live(scene)}
             for (path, name), value in given.items():
-                if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
+                if not any([m.set_value(path, name, value, world) for m in sim.plan.methods]):
                     raise SceneError(Problem(path, f"{name} is fixed while solver {sim.plan.choice.solver} runs; leave it out, "
                                              "or name another solver"))
         return [name for _, name in given]

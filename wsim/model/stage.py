@@ -31,7 +31,7 @@ FREE, MET = "without contacts", "with contacts"          # frames that a stage b
 
 @dataclass
 class Clock:
-    """The place in a frame while its stages are launched. h, g in [s]. What is solved for once is a substep: a step of sdirk3
+    """The place in a frame while its stages are launched. h in [s]. What is solved for once is a substep: a step of sdirk3
     takes two. integrator: the one that steps now, backward Euler where one that needs its residual has given way."""
 
     dt: float                     # frame step
@@ -91,8 +91,8 @@ class Clock:
         return OVER if 0 < self.i < self.iterations - 1 else 1.0
 
     @property
-    def g(self) -> float:
-        """Effective step: v = (d - a) / g and compliance enters as alpha / g^2."""
+    def effective_step(self) -> float:
+        """Effective step g [s]: v = (d - a) / g, and compliance enters as alpha / g^2."""
         m = self.integrator
         return self.h if m.explicit or (m.memory and not self.carries_history) else m.g * m.solves * self.h
 
@@ -201,27 +201,27 @@ class Method:
         """Things that NumPy evaluates before every frame, and the prims they are of."""
         return {}
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         """A frame begins that has not been tried yet: which form it takes first."""
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""
 
-    def meet(self, others: "Methods") -> None:
+    def connect_ports(self, others: "Methods") -> None:
         """Connects itself with what other methods of the plan offer, when all are made."""
 
-    def reserve(self) -> None:
+    def lengthen_lists(self) -> None:
         """Makes lists longer than they begin, so that they do not run out while somebody watches: see `Simulation.prepare`."""
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         """Remedies for what the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         """Warnings of a frame that holds: (what they are of, a number, words in which {worst} stands for the greatest)."""
         return []
 
-    def kept(self) -> list[dict]:
+    def kept_distances(self) -> list[dict]:
         """Distances [m] that colliders keep from bodies where the scene leaves them open: collider, body, thickness."""
         return []
 
@@ -229,17 +229,17 @@ class Method:
         """Samples for results of this method, now, of one world."""
         return []
 
-    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+    def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Makes room for what an earlier run has left, by path and name, before it is put into the state."""
 
-    def resumed(self, time: float) -> None:
+    def resume_run(self, time: float) -> None:
         """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """Error indicators from positions [m] (relative to the objects' origins) and velocities [m/s], solver order."""
         return {}
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """Takes a live parameter of one world, or of all (None), within the bounds of its row in `wsim.scene.values.table`;
         False if it is none of this method's."""
         return False
@@ -253,7 +253,7 @@ class Methods(list[Method]):
         """What methods offer: who needs something asks for the port, not for the method that has it."""
         return join_offered_ports(self)
 
-    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
-        """`Method.restored` of each."""
+    def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """`Method.prepare_restart` of each."""
         for each in self:
-            each.restored(fields)
+            each.prepare_restart(fields)

@@ -32,7 +32,7 @@ def prepare_live_use(sim: Simulation) -> None:
     """Compiles kernels, makes lists longer and captures all graphs: see `Simulation.prepare`."""
     sim.load()
     for method in sim.plan.methods if not sim.graphs.log else ():
-        method.reserve()
+        method.lengthen_lists()
     retry.prepare_frame_tables(sim)
     capture_forms(sim)
 
@@ -57,7 +57,7 @@ def set_value(sim: Simulation, path: str, name: str, value, world) -> None:
         return
     value = _checked_live_value(sim, row, thing, path, value, world)
     undo = _undo_of_live_value(sim)
-    if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
+    if not any([m.set_value(path, name, value, world) for m in sim.plan.methods]):
         raise _unknown_live_value_error(sim, thing, path, name, world)
     _apply_consequences(sim, name, undo, thing, path, value, world)
     sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, value, world)]
@@ -82,9 +82,9 @@ def _set_each(sim: Simulation, path: str, name: str, given, worlds: list[int]) -
     undo, together, hit = _undo_of_live_value(sim), ByWorld(np.array(values, np.float64)), False
     for m in sim.plan.methods:
         if m.by_world:
-            hit = m.set(path, name, together, None) or hit
+            hit = m.set_value(path, name, together, None) or hit
         else:
-            hit = any([m.set(path, name, value, world) for value, world in zip(values, worlds, strict=True)]) or hit
+            hit = any([m.set_value(path, name, value, world) for value, world in zip(values, worlds, strict=True)]) or hit
     if not hit:
         raise _unknown_live_value_error(sim, thing, path, name, None)
     _apply_consequences(sim, name, undo)
@@ -154,7 +154,7 @@ def _undo_of_live_value(sim: Simulation) -> Callable[[], None]:
         points.send(sim.model.bodies)
         for solid in sim.plan.solids:
             for body in sim.model.bodies:
-                solid.set(body.path, "rest_shape", None, body.world)
+                solid.set_value(body.path, "rest_shape", None, body.world)
             if hasattr(solid, "send"):
                 solid.send()
         send()

@@ -1,5 +1,5 @@
 """Which methods a scene needs, and what they are made of. The table is `wsim.scene.methods.METHODS`; a method is imported where
-it is needed, its `build(Build)` makes it, and when all are made each connects itself with others (`Method.meet`).
+it is needed, its `build(Build)` makes it, and when all are made each connects itself with others (`Method.connect_ports`).
 """
 
 import hashlib
@@ -251,7 +251,7 @@ def make_methods(b: Build) -> None:
 def connect_methods(b: Build) -> None:
     """Each method takes what it needs of the others' ports."""
     for method in b.methods:
-        method.meet(b.methods)
+        method.connect_ports(b.methods)
 
 
 def set_initial_positions(b: Build) -> None:

@@ -194,7 +194,7 @@ class SimulationPlan:
                      f"arrays {bytes_held_by(self) / 1e6:.2f} MB")
         if self.parted:
             lines.append(contactless_launches_text(self.table(FREE)))
-        lines += kept_distance_lines([k for method in self.methods for k in method.kept()])
+        lines += kept_distance_lines([k for method in self.methods for k in method.kept_distances()])
         if m.fuser:
             lines.append(m.fuser.why)
         if self.hard:

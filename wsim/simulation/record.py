@@ -115,7 +115,7 @@ def _poses_given_by_run(recorder: "Recorder", sim: "Simulation") -> dict:
 def restart_from_fields(sim: "Simulation", frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool) -> None:
     """Goes on from what a recording has left; see `Simulation.restart`."""
     frame = checked_count("frame", frame)
-    sim.plan.methods.restored(fields)
+    sim.plan.methods.prepare_restart(fields)
     misses = _fields_that_miss(sim, fields)
     for path in sim.state.paths():
         values = fields.get(path, {})
@@ -132,7 +132,7 @@ def restart_from_fields(sim: "Simulation", frame: int, fields: dict[str, dict[st
                             "accuracy, not bit for bit")
     sim.frame, sim.plan.clock.starting, sim.measured, sim.settled = frame, not exact, False, None
     for method in sim.plan.methods if exact else ():
-        method.resumed((frame - 1) / sim.scene.fps)
+        method.resume_run((frame - 1) / sim.scene.fps)
 
 
 def _fields_that_miss(sim: "Simulation", fields: dict[str, dict[str, np.ndarray]]) -> dict[str, str]:

@@ -35,7 +35,7 @@ class FixedStepsError(Exception):
 def enter_frame(sim: Simulation) -> None:
     """A frame begins."""
     for method in sim.plan.methods:
-        method.enter(sim.plan.clock)
+        method.choose_frame_form(sim.plan.clock)
 
 
 def prepare_frame_tables(sim: Simulation) -> None:
@@ -59,7 +59,7 @@ def settle_built_simulation(sim: Simulation) -> None:
 
 def prepare_frame_retry(sim: Simulation) -> bool:
     """True if the frame must be repeated, after making it possible: each method says what its words of the status ask for."""
-    said = [remedy for method in sim.plan.methods for remedy in method.retry(sim.plan.status)]
+    said = [remedy for method in sim.plan.methods for remedy in method.find_remedies(sim.plan.status)]
     checks = [remedy for remedy in said if remedy.kind == "check"]
     said = [remedy for remedy in said if remedy.kind != "check"]
     if said and _act_on_remedies(sim, said):
@@ -164,7 +164,7 @@ def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
         for (body, _), v, w in zip(alone.bodies, alone.velocities(), alone.spins(), strict=True):
             for name, value in (("velocity", 0.0 * v if held else v), ("spin", 0.0 * w if held else w)):
                 for world in worlds:                          # momenta at the start are those of the scene's masses
-                    bodies.set(body.path, name, value, world)
+                    bodies.set_value(body.path, name, value, world)
     sim.balance = None
     if not held:
         for world in worlds:
@@ -244,7 +244,7 @@ def _switch_solver(sim: Simulation) -> bool:
                 part.arrays[f.name].assign(flowed[part.name, f.name])
     for path, name, value, world in sim.changes:
         for method in sim.plan.methods:
-            method.set(path, name, value, world)
+            method.set_value(path, name, value, world)
     sim.seconds.pop("compile", None)
     sim.load()
     sim.state.take_snapshot()

@@ -39,5 +39,5 @@ def predict_two_step(real, module):
 
 
 class TwoStep(Multistep):
-    def make(self, real, module: str) -> None:
+    def make_kernels(self, real, module: str) -> None:
         self.kernels |= {"on": predict_two_step(real, module), "end": bdf2_finish_kernel(real, module)}

@@ -64,7 +64,7 @@ def parts(sim: Simulation) -> dict[str, float]:
     c.going.fill_(1)
     k = system.kernels
     launches = {"multiply": lambda: system.launch(k.multiply, [c, system.rows, system.A, 0, v], [], size),
-                "linearise": lambda: newton.linearise(1.0 / sim.plan.clock.g)}
+                "linearise": lambda: newton.linearise(1.0 / sim.plan.clock.effective_step)}
     if coarse:
         at, g = (sim.state.x, sim.state.d), coarse.g
         launches |= {"setup": lambda: coarse.setup(system.rows, system.A, *at),

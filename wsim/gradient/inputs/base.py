@@ -48,7 +48,8 @@ class RecordingInput(ABC):
     def put(self, value: np.ndarray, world: int) -> None:
         """Sets a live parameter; the number of substeps stays as it is."""
         path = self.path or "/"
-        if not any([m.set(path, self.what, value if value.shape else float(value), world) for m in self.sim.plan.methods]):
+        given = value if value.shape else float(value)
+        if not any([m.set_value(path, self.what, given, world) for m in self.sim.plan.methods]):
             raise SceneError(Problem(self.name, "is no live parameter here, and takes no values"))
         key = path, self.what, world
         self.sim.changes = [c for c in self.sim.changes if (c[0], c[1], c[3]) != key] + [(path, self.what, value, world)]

@@ -272,7 +272,7 @@ def _copy_live_parameters(sim: Simulation, copy: Simulation) -> None:
     for path, name, value, world in sim.changes:
         if world in (None, 0) and name not in ("motion", "positions", "velocities"):
             for method in copy.plan.methods:
-                method.set(path, name, value, None)
+                method.set_value(path, name, value, None)
     pins, others = sim.plan.ports.pins, copy.plan.ports.pins
     if pins and others:
         for kind, group in others.groups.items():

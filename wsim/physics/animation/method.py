@@ -57,7 +57,7 @@ class SkeletonMethod(Method):
         self.bodies: Any = None                          # the method of rigid bodies, where they drive joints
         self.offers = Ports(bones=self)
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         self.bodies = others.ports.bodies
         contacts = others.ports.contacts
         if self.followed:
@@ -79,7 +79,7 @@ class SkeletonMethod(Method):
         if self.dressed:
             self.dressed.before_frame(time, clock)
 
-    def resumed(self, time: float) -> None:
+    def resume_run(self, time: float) -> None:
         self.now = time + 1.0 / self.model.scene.fps
 
     def samples(self, world: int = 0) -> list[Sample]:

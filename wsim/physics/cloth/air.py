@@ -74,15 +74,16 @@ class Aero(Method):
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         if self.taken:
             others.ports.force_gather.domains.meet(self.air)
 
     def launch(self, clock: Clock) -> None:
         s, w, forces = self.state, self.constants.w, [self.force, self.k]
         if not self.half_step:
-            self.model.launch(self.press, self.k.size, [self.triangle, self.air, s.x, self.points.anchor, s.d, clock.g], forces)
-            self.model.launch(self.blow, self.model.points, [self.corners, *forces, w, s.d, clock.g], [s.d])
+            g = clock.effective_step
+            self.model.launch(self.press, self.k.size, [self.triangle, self.air, s.x, self.points.anchor, s.d, g], forces)
+            self.model.launch(self.blow, self.model.points, [self.corners, *forces, w, s.d, g], [s.d])
             return
         (at, pair, change), first, h = self.half_step(), clock.k == 0, clock.h
         half = fill_struct(kernels.leapfrog_halves(self.model.real), x=s.x, v=s.v, pair=pair, change=change, at=at,
@@ -90,7 +91,7 @@ class Aero(Method):
         self.model.launch(self.press_leap, self.k.size, [self.triangle, self.air, half], forces)
         self.model.launch(self.blow_leap, self.model.points, [self.corners, *forces, w, s.d, half], [s.d, pair])
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """wind [m/s] over one cloth or, with path "/", over all."""
         rows = self.model.rows(path, world)
         if name != "wind" or not rows:

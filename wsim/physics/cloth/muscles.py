@@ -106,7 +106,7 @@ class Muscles(Method):
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Takes the springs of the method that solves for them, and who watches edges
         (`wsim.physics.motion.divergence_monitor`)."""
         self.watch = others.ports.stretch_watch
@@ -224,7 +224,7 @@ class Muscles(Method):
                 return np.maximum(1.0, np.append(m.curve.bounds()[1], 1.0)[m.edges(m.columns.stop) - m.columns.start])
         return 1.0
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """actuation: a `Curve`, values of the present keys (keys, groups), or those of all times (groups,)."""
         hit = [m for m in self.muscles if m.body.path == path and world in (None, m.body.world)]
         if name != "actuation" or not hit:

@@ -203,7 +203,7 @@ class ColliderContacts:
             self.changed = self.redrawn = True
         return bool(found)
 
-    def set(self, path: str, name: str, value: float, objects: list[int]) -> list[int]:
+    def set_value(self, path: str, name: str, value: float, objects: list[int]) -> list[int]:
         """Gives the collider of that path a friction or thickness among these objects, and returns its rows."""
         rows = self.rows.of(path, objects)
         if not rows:

@@ -100,7 +100,7 @@ class FreeFlightTest:
     def word(self) -> wp.array:
         return self.status.word(REACHED)
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         """The form that a frame takes first."""
         if self.said is not None and not clock.starting:
             near, before = clock.touching or self.said, clock.free

@@ -149,7 +149,7 @@ class ContactMethod(Method):
             stage.frames = MET
         self.stages += clearance.stages
 
-    def kept(self) -> list[dict]:
+    def kept_distances(self) -> list[dict]:
         """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
         them open and chords need some."""
         rows, bodies, found = self.contacts.rows, [b for b in self.model.bodies if b.world == 0], []
@@ -184,12 +184,13 @@ class ContactMethod(Method):
 
     def step(self, clock: Clock) -> float:
         """Effective step of contacts, v = (d - a) / step [s]."""
-        return clock.h if self.prolonged and self.prolonged.ended else clock.g
+        return clock.h if self.prolonged and self.prolonged.ended else clock.effective_step
 
     def settle(self, clock: Clock) -> None:
         s = self.state
         if clock.integrator.memory:
-            self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v, self.movers.others() if self.movers else None)
+            others = self.movers.others() if self.movers else None
+            self.contacts.settle(clock.effective_step, s.e, s.d, self.anchor, s.v, others)
 
     def behind(self, clock: Clock) -> None:
         """Velocities behind the sweeps of surfaces, where these come last: what colliders throw back, and what bodies give."""
@@ -198,9 +199,9 @@ class ContactMethod(Method):
         if self.movers:
             self.movers.behind(clock)
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         if self.clearance:
-            self.clearance.enter(clock)
+            self.clearance.choose_frame_form(clock)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         deep = True if clock.starting or self.model.gradients else None
@@ -210,13 +211,13 @@ class ContactMethod(Method):
         if self.clearance:
             self.clearance.outline.frame(time)
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
         self.contacts.points.wanted = self.status.word(FACES)
         if self.bounce:
-            self.bounce.meet(others)
+            self.bounce.connect_ports(others)
         if self.prolonged:
-            self.prolonged.meet(others)
+            self.prolonged.connect_ports(others)
         terms, adjoint = others.ports.newton_terms, others.ports.solve_adjoint
         surfaces = others.ports.self_contact is not None          # which Newton steps solve for, but beside strands
         trailed = bool(others.ports.xpbd_batches or surfaces and others.ports.strands)
@@ -230,7 +231,7 @@ class ContactMethod(Method):
             self.solved, self.after = True, trailed
             adjoint.enter("contacts", self.contacts, trailed)
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         if self.clearance and self.clearance.missed_contacts():
             return [Remedy("meet")]
         wanted, faces, points = int(status.said(ROOM)[0]), int(status.said(FACES)[0]), self.contacts.points
@@ -249,12 +250,12 @@ class ContactMethod(Method):
         return [Remedy("grow", act) for act, some in ((grow_contact_slots, wanted), (grow_listed_faces, faces > points.room))
                 if some]
 
-    def reserve(self) -> None:
+    def lengthen_lists(self) -> None:
         from wsim.physics.contact.broad import MOST, grow_face_lists
         if self.contacts.points.room:
             grow_face_lists(self.contacts.points, MOST)
 
-    def resumed(self, time: float) -> None:
+    def resume_run(self, time: float) -> None:
         self.contacts.time, self.contacts.owed = time, True
         if self.clearance:
             self.clearance.said = None
@@ -262,7 +263,7 @@ class ContactMethod(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
         where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""
         if name == "motion":
@@ -270,9 +271,9 @@ class ContactMethod(Method):
         if name not in (*FRICTION, "thickness", "restitution") or (name == "restitution" and not self.bounce):
             return False
         objects = [k for k, b in enumerate(self.model.bodies) if world in (None, b.world)]
-        rows = self.contacts.set(path, name, value, objects)
+        rows = self.contacts.set_value(path, name, value, objects)
         if rows and name == "restitution":
-            self.bounce.set(rows, objects, value)
+            self.bounce.set_value(rows, objects, value)
         return bool(rows) or (name in FRICTION and self.rub(path, name, value, world))
 
     def move(self, path: str, motion: Motion) -> bool:

@@ -44,7 +44,7 @@ class MidpointContacts:
         """An array for as many contacts as there is room for; not captured."""
         self.rest = wp.zeros_like(self.contacts.push)
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         self.surfaces = others.ports.self_contact is not None
 
     def asked(self, clock: Clock) -> bool:
@@ -71,7 +71,7 @@ class MidpointContacts:
             return
         c, s, a = self.contacts, self.state, self.contact.anchor
         at = c.read(v=s.v, e=s.e, d=s.d, a=a, push=c.push)
-        self.launch("end", [c.slots, self.points.constants.w, at, clock.g, int(self.surfaces)], [at, self.rest])
+        self.launch("end", [c.slots, self.points.constants.w, at, clock.effective_step, int(self.surfaces)], [at, self.rest])
         self.ended = True
         self.even(s.v)
 

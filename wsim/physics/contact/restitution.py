@@ -43,7 +43,7 @@ class RestitutionStage:
             self.thrown, self.renew_kernel = wp.zeros_like(contacts.struck), kernels.history_after_impact_kernel(real, module)
             self.stages.append(Stage("renew", "finish", self.renew, 1, n * 4, what="points that were thrown: history"))
 
-    def set(self, rows: list[int], objects: list[int], value: float) -> None:
+    def set_value(self, rows: list[int], objects: list[int], value: float) -> None:
         """Gives rows of colliders among these objects another restitution."""
         values = self.restitution.numpy()
         if self.model.gradients:
@@ -58,7 +58,7 @@ class RestitutionStage:
         values = self.restitution.numpy()
         return float(values[row % values.shape[0], point % values.shape[1]])
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Takes what an explicit integrator predicts, and its last half kick."""
         self.copies = others.ports.predicted_copies
         if self.spare:
@@ -98,7 +98,7 @@ class RestitutionStage:
     def launch(self, clock: Clock) -> None:
         """Launches the restitution after the last iteration."""
         s, c, table = self.state, self.contacts, kernels.bounce_type(self.model.real)()
-        table.restitution, table.h, table.g = self.restitution, clock.h, clock.g
+        table.restitution, table.h, table.g = self.restitution, clock.h, clock.effective_step
         d, a = s.d, self.points.anchor
         if self.prolonged and self.prolonged.asked(clock):
             at = c.read(v=self.before, d=d, a=a, push=c.push)

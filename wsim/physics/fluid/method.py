@@ -190,7 +190,7 @@ class Fluids(Method):
         if domain.sources:
             domain.sources.upload(self.changed[k])
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("grow", str) for window in self.windows.values() if window.lacks()]
 
     def advance(self, clock: Clock) -> None:
@@ -203,7 +203,7 @@ class Fluids(Method):
             else:
                 self.windows.get(k, domain).frame(clock.dt, least, most)
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         missed = status.said("fluid: missed")
         found = cut_step_warnings([(d.fluid, d.world) for d in self.domains], status.said("fluid: steps"), self.more)
         return found + [(("fluid", domain.fluid.path, domain.world), float(n),
@@ -239,7 +239,7 @@ class Fluids(Method):
         said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
         return found | {"fluid_iterations": float(said["solves"][1::2].max()), "fluid_steps": float(said["steps"][::2].max())}
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         rows = slice(None) if world is None else world
         if path == "/" and name in ("wind", "gravity"):
             getattr(self, name)[rows] = value

@@ -83,12 +83,12 @@ class Watch(Method):
         if self.stages:
             self.rest.assign(self.longest().astype(self.model.dtype))
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         if name in AT_REST:
             self.follow()
         return False
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         if self.thrown_by is None or not self.thrown_by.integrator.beyond or not status.said(self.own)[0]:
             return []
         return [Remedy("give way", why="tethers or strain limits act while edges are more than twice as long as at rest")]

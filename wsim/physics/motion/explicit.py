@@ -255,17 +255,17 @@ class Explicit(Method):
             self.impacts(self.change)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, self.earlier, s.v, 0.5], [s.v])
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         self.muscles = others.ports.muscles
         if not self.taken <= {"aero", "loads"}:
-            self.at_once.meet(others)
+            self.at_once.connect_ports(others)
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:
             contact = others.ports.contact
             self.free.meet(contact.clearance if contact else others.ports.free_flight)
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("doubt")] if status.said(THROWN)[0] else []
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -281,9 +281,9 @@ class Explicit(Method):
         now = self.muscles.present(self.rows) if self.muscles else self.rows
         return {"elastic_energy": stored_energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson of a cloth, stiffness of a net, damping [s] of either; what is at rest."""
-        hit = any([table.set(path, name, value, world) for table in self.solids])
+        hit = any([table.set_value(path, name, value, world) for table in self.solids])
         if hit := bool(apply_live_value(self.model, self.rows, path, name, value, world, self.damped)) or hit:
             self.send()
         return hit

@@ -55,7 +55,7 @@ class Loads(Method):
         if not points.integrator.explicit:               # which asks for rows by itself
             self.stage()
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         if "loads" in (others.ports.fused_effects or ()):
             self.blocks = others.ports.force_gather.domains
             self.blocks.bear(self)
@@ -152,7 +152,7 @@ class Loads(Method):
         """Derivative of p . `forces` by the keys of each load, (keys, 3)."""
         return [b.curve.pulled(time, (b.parts[:, None] * p[b.places]).sum(axis=0)[None])["values"] for b in self.borne]
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """force [N] or traction [Pa] of a load: a `Curve`, values of the present keys (keys, 3), or one for all times (3,); and
         gravity of what bears any, which `wsim.physics.motion.points` sets with it."""
         if name == "gravity":

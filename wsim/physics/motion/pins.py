@@ -171,7 +171,7 @@ class Pins(Method):
         """True if any pin does."""
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Soft pins act within Newton steps, where there are some, or explicit ones take them
         (kernels/motion/fused/hold.py)."""
         if "soft pins" in (others.ports.fused_effects or ()):
@@ -219,7 +219,7 @@ class Pins(Method):
         at = fill_struct(kernels.point_states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
         target, row = clock.read_rows(self.target["soft"], clock.k)
         for count, soft in self.turns:
-            self.model.launch(self.hold_kernel, count, [soft, target, at, self.lam, row, clock.g], [s.d, self.lam])
+            self.model.launch(self.hold_kernel, count, [soft, target, at, self.lam, row, clock.effective_step], [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves
@@ -277,7 +277,7 @@ class Pins(Method):
                 self.sampled[kind].take(group, own, at, dt, self.target[kind], self.pull if kind == "hard" else None)
             self.sampled[kind].launch(time)
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""
         hit = [p for g in self.groups.values() for p in g if p.pin.path == path and world in (None, p.body.world)]
         if name != "motion" or not hit:

@@ -50,9 +50,9 @@ class Euler:
         self.kernels = {"predict": kernels.euler_prediction_kernel(real, module),
                         "finish": kernels.euler_finish_kernel(real, module)}
         beside(self.model, __name__, "EulerAdjoint", self)
-        self.make(real, module)
+        self.make_kernels(real, module)
 
-    def make(self, real, module: str) -> None:
+    def make_kernels(self, real, module: str) -> None:
         """Further kernels."""
 
     def launch(self, name: str, inputs: list, outputs: list) -> None:
@@ -60,17 +60,17 @@ class Euler:
 
     def predict(self, clock: Clock) -> None:
         s, points = self.state, self.points
-        self.launch("predict", [points.constants, s.e, s.v, clock.g], [points.anchor, s.d])
+        self.launch("predict", [points.constants, s.e, s.v, clock.effective_step], [points.anchor, s.d])
 
     def finish(self, clock: Clock) -> None:
         s = self.state
-        self.launch("finish", [self.points.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
+        self.launch("finish", [self.points.anchor, s.d, s.x, clock.effective_step], [s.x, s.e, s.v])
 
 
 class ProlongedEuler(Euler):
     """One node before the end of the step (implicit midpoint)."""
 
-    def make(self, real, module: str) -> None:
+    def make_kernels(self, real, module: str) -> None:
         self.kernels["end"] = kernels.beyond_finish_kernel(real, module, self.row.nodes[0])
         self.more = 1.0 / self.row.nodes[0] - 1.0
         self.met = False                  # contacts act where substeps end, and have d and v there
@@ -86,13 +86,13 @@ class ProlongedEuler(Euler):
     def prolong(self, clock: Clock, ahead: wp.array) -> None:
         """d and v become those of the end of the substep, before contacts; ahead: d."""
         s, w = self.state, self.points.constants.w
-        self.launch("prolong", [w, s.e, s.d, s.v, clock.g], [s.d, s.v, ahead])
+        self.launch("prolong", [w, s.e, s.d, s.v, clock.effective_step], [s.d, s.v, ahead])
 
     def finish(self, clock: Clock) -> None:
         s = self.state
         if self.met and not clock.free:
             return self.launch("land", [s.d, s.x], [s.x, s.e])
-        self.launch("end", [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
+        self.launch("end", [s.e, s.d, s.x, s.v, clock.effective_step], [s.x, s.e, s.v])
 
 
 class Multistep(Euler):
@@ -100,31 +100,32 @@ class Multistep(Euler):
 
     moved = 6, 11
 
-    def make(self, real, module: str) -> None:
+    def make_kernels(self, real, module: str) -> None:
         self.kernels |= {"on": kernels.bdf2_prediction_kernel(real, module), "end": kernels.bdf2_finish_kernel(real, module)}
 
     def predict(self, clock: Clock) -> None:
         s, points = self.state, self.points
         if clock.carries_history:
-            self.launch("on", [points.constants, s.e, s.v, s.s, s.u, clock.g], [points.anchor, s.d])
+            self.launch("on", [points.constants, s.e, s.v, s.s, s.u, clock.effective_step], [points.anchor, s.d])
         else:
             super().predict(clock)
 
     def finish(self, clock: Clock) -> None:
         s, at = self.state, self.points.at(d=self.state.d, a=self.points.anchor, struck=self.points.struck)
-        self.launch("end", [at, clock.h, clock.g], [s.x, s.e, s.v, s.s, s.u])
+        self.launch("end", [at, clock.h, clock.effective_step], [s.x, s.e, s.v, s.s, s.u])
 
 
 class Staged(Euler):
     """Two stages of backward Euler, from starts of their own (sdirk3); kernels/motion/sdirk3.py."""
 
-    def make(self, real, module: str) -> None:
+    def make_kernels(self, real, module: str) -> None:
         from wsim.kernels.motion import sdirk3
         self.kernels |= {"stage": sdirk3.stage_finish_kernel(real, module), "step": sdirk3.sdirk3_finish_kernel(real, module)}
 
     def finish(self, clock: Clock) -> None:
         s, before = self.state, {"s": self.state.s, "u": self.state.u} if clock.ends else {}
-        self.launch("step" if clock.ends else "stage", [self.points.at(d=s.d, **before), clock.g], [s.x, s.e, s.v, s.s, s.u])
+        self.launch("step" if clock.ends else "stage", [self.points.at(d=s.d, **before), clock.effective_step],
+                    [s.x, s.e, s.v, s.s, s.u])
 
 
 class FreePoints(Method):
@@ -194,11 +195,11 @@ class FreePoints(Method):
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v],
                           [self.status.word(NOT_FINITE)])
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         bad = int(status.said(NOT_FINITE)[0])
         return [Remedy("refine", part="points", row=bad - 1)] if bad else []
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all; density [kg/m^3], rest_shape, lengths
         [m] of a body, mass [kg] of a net."""
         rows = self.model.rows(path, world)
@@ -218,7 +219,7 @@ class FreePoints(Method):
         array.assign(values)
         return True
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         self.loads = others.ports.loads
 
     def gravity(self) -> np.ndarray:

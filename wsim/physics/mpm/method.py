@@ -121,7 +121,7 @@ class MaterialPointMethod(Method):
 
     # frames
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         self.more = MORE
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -134,7 +134,7 @@ class MaterialPointMethod(Method):
     def run_stage(self, clock: Clock) -> None:
         self.grid.run_frame(clock.dt, self.status.word(WORD))
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         blocks, crowd, gone, steps, excess = (int(n) for n in status.said(WORD))
         if blocks > self.grid.blocks:
             return [Remedy("grow", lambda: self._make_room(blocks))]
@@ -190,7 +190,7 @@ class MaterialPointMethod(Method):
         self.grid.launch(self.grid.measure_energy, self.part.count, [self.grid.points, self.grid.materials, out])
         return out.numpy().astype(np.float64)
 
-    def set(self, path: str, name: str, value: Any, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value: Any, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.grid.materials.gravity.assign(self.gravity.astype(self.model.dtype))

@@ -165,18 +165,18 @@ class RigidMethod(Method):
         if self.touch:
             self.touch.before_frame()
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         if self.touch:
-            self.touch.meet(others)
+            self.touch.connect_ports(others)
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
-        found = self.contacts.retry(status) if self.contacts else []
-        return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
+        found = self.contacts.find_remedies(status) if self.contacts else []
+        return found + (self.touch.foreseen.find_remedies(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
-        return self.contacts.notes() if self.contacts else []
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+        return self.contacts.frame_warnings() if self.contacts else []
 
-    def restored(self, fields) -> None:
+    def prepare_restart(self, fields) -> None:
         pairs = fields.get(self.bodies[0][0].written, {}).get("a")
         if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
             self.contacts.grow(len(pairs))
@@ -254,7 +254,7 @@ class RigidMethod(Method):
             found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
         if self.sleep and name in (*LIVE, "gravity"):
             self.sleep.wake_bodies(None if path == "/" else hit)
@@ -263,7 +263,7 @@ class RigidMethod(Method):
             self.given.push.assign(self._push().astype(self.model.dtype))
             return True
         if path == "/" or not len(hit) or name not in LIVE:
-            return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
+            return any([other.set_value(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)

@@ -202,7 +202,7 @@ class StrandBodyContacts:
 
     # around a frame
 
-    def retry(self) -> list[Remedy]:
+    def find_remedies(self) -> list[Remedy]:
         wanted = int(self.status.said(FULL)[0])
 
         def grow_body_contacts() -> str:

@@ -266,10 +266,10 @@ class CoupledStrands:
         self.words.zero_()                               # they are set before they are read
         self.fresh = False
 
-    def retry(self) -> list[Remedy]:
-        return self.bodies.retry() if self.bodies else []
+    def find_remedies(self) -> list[Remedy]:
+        return self.bodies.find_remedies() if self.bodies else []
 
-    def notes(self) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self) -> list[tuple[tuple, float, str]]:
         return []
 
     def indicators(self) -> dict[str, float]:

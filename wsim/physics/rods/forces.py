@@ -58,7 +58,7 @@ class StrandLoads:
             np.add.at(found, rows, parts[:, None] * curve.at(time))
         return found
 
-    def set(self, path: str, name: str, value, world: int | None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None) -> bool:
         """Takes a force [N] of a load, as `wsim.scene.nodal.loads.given_curve` does."""
         hit = [each for each in self.borne if each[0].path == path and each[0].name == name and world in (None, each[4])]
         for each in hit:

@@ -215,31 +215,31 @@ class RodMethod(Method):
         if self.touching:
             self.touching.before_frame()
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         if self.touching:
             self.touching.often, self.touching.fresh = False, True
 
-    def reserve(self) -> None:
+    def lengthen_lists(self) -> None:
         if self.touching:
             self.touching.fits(self.touching.near.capacity + 1, 0)
 
-    def restored(self, fields) -> None:
+    def prepare_restart(self, fields) -> None:
         if self.touching and self.touching.memory:
             self.touching.memory.make_room(len(fields.get(self.table.pairs[0][0].path, {}).get("pair0", (0,))))
 
-    def resumed(self, time: float) -> None:
+    def resume_run(self, time: float) -> None:
         if self.touching and self.touching.memory:
             self.touching.memory.put_back()
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
-        return self.touching.retry() if self.touching else []
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
+        return self.touching.find_remedies() if self.touching else []
 
     def advance(self, clock: Clock) -> None:
         wp.launch(self.kernel, self.table.strands, [self.strands, self.holds, self.obstacles.table, self.moving(), self.trial,
                                                     clock.dt / self.substeps, self.substeps], [self.said],
                   device=self.model.device, block_dim=THREADS)
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         (left, deep), found = self.left[:, 1:3].T, []
         for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
             if (worst := float(left[own].max(initial=0.0))) > float(TOLERANCE):
@@ -250,7 +250,7 @@ class RodMethod(Method):
                     found.append((("rods deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
                                   "colliders: these left no room there, or came in one substep; give more room, or smaller "
                                   "widths"))
-        return found + self.touching.notes() if self.touching else found
+        return found + self.touching.frame_warnings() if self.touching else found
 
     # what is told and set
 
@@ -281,13 +281,13 @@ class RodMethod(Method):
             found |= self.touching.indicators()
         return found | ({"rod_penetration": float(said[:, 2].max(initial=0.0))} if self.obstacles.colliders else {})
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":
             gravity = self.gravity.copy()
             gravity[slice(None) if world is None else world] = value
             self.weigh(gravity)
             return True
-        if name == "motion" and self.table.move_pin(path, value, world) or self.loads.set(path, name, value, world):
+        if name == "motion" and self.table.move_pin(path, value, world) or self.loads.set_value(path, name, value, world):
             return True
         array = {"wind": self.strands.wind, "air_drag": self.strands.decay}.get(name) if path == "/" else None
         if array is None:

@@ -244,16 +244,16 @@ class StrandSelfContact(CoupledStrands):
         self.near.set_projection_rounds(ROUNDS * MORE if self.often else ROUNDS)
         self.fresh = False
 
-    def retry(self) -> list[Remedy]:
+    def find_remedies(self) -> list[Remedy]:
         said = self.status.said(SAID)
         wanted, full = int(said[clamp.WANTED]), int(said[FULL])
         if wanted or full:
-            return [*super().retry(), Remedy("room", lambda: self.grow(wanted, full))]
+            return [*super().find_remedies(), Remedy("room", lambda: self.grow(wanted, full))]
         if said[clamp.LOST] > LOSS and not self.often:
             self.often = True
             self.repeats += 1
-            return [*super().retry(), Remedy("again")]
-        return super().retry()
+            return [*super().find_remedies(), Remedy("again")]
+        return super().find_remedies()
 
     def grow(self, wanted: int, full: int) -> str:
         before, ids = self.near.pairs.capacity, self.saved_ids
@@ -271,7 +271,7 @@ class StrandSelfContact(CoupledStrands):
         self.saved.of.assign(of)
         return f"{max(wanted, full)} pairs of edges of rods were near each other, and there was less room"
 
-    def notes(self) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self) -> list[tuple[tuple, float, str]]:
         said, found = self.status.said(SAID), []
         self.total += said
         self.frames += 1

@@ -112,7 +112,7 @@ class StrandSurfaceContacts:
         if clock.k == 0:
             self.touching.begin_frame(clock)
         A = self.company
-        A.g, self.touching.carries = clock.g, clock.integrator.memory > 0.0      # BDF2 may give way
+        A.g, self.touching.carries = clock.effective_step, clock.integrator.memory > 0.0      # BDF2 may give way
         if A.settled:
             A.settled.zero_()
             A.past.zero_()

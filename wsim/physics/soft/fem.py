@@ -137,7 +137,7 @@ class Tetrahedra:
         each = out.numpy()
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """young [Pa], poisson, damping [s] of a soft body, one for all or one for each tet in the author's order; damping and
         yield_strain cannot begin where there were none. A rest shape is that of the bodies already."""
         hit = False
@@ -145,7 +145,7 @@ class Tetrahedra:
             self.reshape()
             return True
         if name == "yield_strain" and self.plastic:
-            return self.plastic.set(path, float(value), world)
+            return self.plastic.set_value(path, float(value), world)
         for p in self.parts:
             if p.body.path == path and world in (None, p.body.world) and name in p.values:
                 p.values[name] = np.broadcast_to(np.asarray(value, np.float64), len(p.body.tets))[p.rows]

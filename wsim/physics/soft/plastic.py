@@ -57,7 +57,7 @@ class PlasticFlow:
         """Largest |F_p - 1|."""
         return float(np.linalg.norm(self.F.numpy().astype(np.float64) - np.eye(3), axis=(1, 2)).max())
 
-    def set(self, path: str, value: float, world: int | None) -> bool:
+    def set_value(self, path: str, value: float, world: int | None) -> bool:
         """Yield strain of a soft body, of all its materials in this table that have one."""
         hit = [k for k, p in enumerate(self.table.parts) if p.body.path == path and world in (None, p.body.world)]
         for k in hit:

@@ -77,7 +77,7 @@ class SoftPressure:
                   for p, w, rest, k in zip(self.values, self.weights, self.rest, starts[:-1], strict=True)]
         return np.array([0.0, 0.0, sum(stored)])
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """pressure [Pa] of a body that has some from the start."""
         hit = [k for k, b in enumerate(self.bodies) if b.path == path and world in (None, b.world)]
         if name == "rest_shape" and hit:

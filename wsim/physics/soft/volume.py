@@ -55,7 +55,7 @@ class VolumeWatch(Method):
             launch(kernel, len(part), [t.data, first, lanes, state.x, state.e], [part])
             launch(self.sum, len(t.parts), [part, lanes, self.status.offset(LOST) + 2 * begin], [self.status.array])
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         lost, other = status.said(LOST).reshape(-1, 2).T
         found = []
         for k in np.flatnonzero((lost - other > 1e4 * MOST) & (3 * (lost - other) > lost)):

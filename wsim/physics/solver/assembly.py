@@ -146,9 +146,9 @@ class Assembly:
         table = self.of(SPRINGS)[0]
         return [SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)]
 
-    def set(self, path: str, name: str, value, world: int | None, own: Sequence = ()) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None, own: Sequence = ()) -> bool:
         """A live parameter of a body; own: further tables that have it."""
-        hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
+        hit = any([t.set_value(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
             hit = bool(apply_live_value(self.model, table.rows, path, name, value, world)) or hit
             table.refresh()

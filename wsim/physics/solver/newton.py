@@ -86,7 +86,7 @@ class Implicit(Method):
             before = self.adjoint.spring_tables if self.adjoint else list
             self.offers.spring_tables = lambda: [*before(), *own.spring_tables()]
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Tethers and strain limits are projected behind the last step; muscles give rest lengths."""
         self.behind = bool(others.ports.xpbd_batches)
         if muscles := others.ports.muscles:
@@ -134,11 +134,11 @@ class Implicit(Method):
     def assemble(self, clock: Clock, first: bool) -> None:
         """The system at d. first: of a substep."""
         own = self.assembly
-        own.linearise(1.0 / clock.g)
+        own.linearise(1.0 / clock.effective_step)
         if first and own.springs:
             own.A.aside.zero_()
         for term in self.terms:
-            term.hold(clock.g, fresh=first)
+            term.hold(clock.effective_step, fresh=first)
 
     def again(self, clock: Clock) -> None:
         """A further Newton step."""
@@ -153,7 +153,7 @@ class Implicit(Method):
         self.carry()
         if stand:
             stand()
-        self.line.search(1.0 / clock.g, 0, 1, terms=self.terms)
+        self.line.search(1.0 / clock.effective_step, 0, 1, terms=self.terms)
 
     def flow(self, clock: Clock) -> None:
         """Tets beyond their yield, where a step has ended: between the stages of one no body has ever been."""
@@ -163,7 +163,7 @@ class Implicit(Method):
     def start(self, clock: Clock) -> None:
         """d becomes the best of three: the prediction, that and the last step's forces, where the substep began, which is
         looked at when the others are out of colliders: Phi ends below what standing still costs."""
-        s, own, rate = self.state, self.assembly, 1.0 / clock.g
+        s, own, rate = self.state, self.assembly, 1.0 / clock.effective_step
         own.system.count.zero_()
         own.system.drop.zero_()
         own.A.aside.fill_(newton.ASIDE)
@@ -182,12 +182,12 @@ class Implicit(Method):
         self.model.launch(self.kernels["stay"], self.model.points, [own.rows, s.e, s.d], [own.v.y])
         self.carry()
         for term in self.terms:
-            term.clip(clock.g)
+            term.clip(clock.effective_step)
 
     def prepare(self, d, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""
         own = self.assembly
-        self.model.launch(self.kernels["begin"], self.model.points, [own.rows, d, self.c, 1.0 / clock.g],
+        self.model.launch(self.kernels["begin"], self.model.points, [own.rows, d, self.c, 1.0 / clock.effective_step],
                           [own.A, own.b, own.v.y])
         for term in self.terms:
             term.prepare(clock)
@@ -197,7 +197,7 @@ class Implicit(Method):
         for term in self.terms:
             term.carry()
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("give way")] if status.said(MISSED)[0] else []
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
@@ -210,10 +210,10 @@ class Implicit(Method):
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.array.numpy().max()),
                 "pcg_iterations": float(self.assembly.system.count.numpy().max())}
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson of a cloth, stiffness of a spring net, young [Pa], poisson, pressure [Pa] and
         yield_strain of a soft body, damping [s]; what a rest shape and rest lengths change."""
-        hit = self.assembly.set(path, name, value, world, self.adjoint.pull.tables if self.adjoint else ())
+        hit = self.assembly.set_value(path, name, value, world, self.adjoint.pull.tables if self.adjoint else ())
         if self.adjoint:
             self.adjoint.pull.refresh()
         return hit

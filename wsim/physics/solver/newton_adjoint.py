@@ -95,7 +95,7 @@ class ImplicitAdjoint(Forces):
 
     def forces(self, clock) -> None:
         """f at d, with velocities (d - a) / g, and of soft pins."""
-        self.run("pairs", [self.d, self.a, 1.0 / clock.g], [self.pair])
+        self.run("pairs", [self.d, self.a, 1.0 / clock.effective_step], [self.pair])
         self.evaluate()
         if self.pins:
             self.pins.add(self.x, self.pair, clock.k, self.f)
@@ -140,10 +140,10 @@ class ImplicitAdjoint(Forces):
         wp.copy(self.a, m.points.anchor)
         wp.copy(self.x, s.x)
         if contacts:
-            m.linearise(1.0 / clock.g)
+            m.linearise(1.0 / clock.effective_step)
             for term in self.method.terms:
-                term.hold(clock.g, fresh=True)
-            contacts.turn(s.d, self.a, clock.g, first=True)
+                term.hold(clock.effective_step, fresh=True)
+            contacts.turn(s.d, self.a, clock.effective_step, first=True)
         self.look(clock)
         wp.capture_while(self.on, lambda: self.step(clock))
 
@@ -162,7 +162,7 @@ class ImplicitAdjoint(Forces):
         """Residual at the state's d, and whether that is too much."""
         wp.copy(self.d, self.assembly.state.d)
         self.forces(clock)
-        miss, rate, close = self.r, 1.0 / clock.g, CLOSE
+        miss, rate, close = self.r, 1.0 / clock.effective_step, CLOSE
         if self.contacts:
             miss, close = self.contacts.left.miss, AMONG
             self.bear(rate)
@@ -174,11 +174,11 @@ class ImplicitAdjoint(Forces):
     def step(self, clock) -> None:
         """A full Newton step, and contacts after it."""
         m, s = self.assembly, self.assembly.state
-        self.system(1.0 / clock.g)
+        self.system(1.0 / clock.effective_step)
         if self.contacts:
             self.solve_krylov(self.tangent, NEAR, FEW, clock)
             self.run("add", [s.d, self.sum, self.sums[3], self.sums[3], 1.0], [s.d])
-            self.contacts.turn(s.d, self.a, clock.g)
+            self.contacts.turn(s.d, self.a, clock.effective_step)
         else:
             m.solve(self.r, INNER, CAP)
             self.run("add", [s.d, m.v.y, self.sums[1], self.sums[1], 1.0], [s.d])
@@ -203,7 +203,7 @@ class ImplicitAdjoint(Forces):
         """Passes from the gradient of d to those of b, x, a and all parameters; each array with its gradient, which is added
         to."""
         m, s, contacts = self.assembly, self.assembly.state, self.contacts
-        rate, w = 1.0 / clock.g, self.assembly.rows.w
+        rate, w = 1.0 / clock.effective_step, self.assembly.rows.w
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
                              (self.y, d.grad)):
             wp.copy(into, without_gradient(source))      # a copy takes gradients along where both have them
@@ -238,7 +238,7 @@ class ImplicitAdjoint(Forces):
         if not contacts.after:
             contacts.run("spread_out", [contacts.frame.S, self.y], [self.r])
             return
-        w, rate = self.assembly.rows.w, 1.0 / clock.g
+        w, rate = self.assembly.rows.w, 1.0 / clock.effective_step
         contacts.pushed(state, self.y, by_a, w.grad)
         self.turned(contacts.given, False, clock)
         self.run("product", [w, contacts.given, self.pair.grad, rate], [self.q])
@@ -275,12 +275,12 @@ class ImplicitAdjoint(Forces):
         contacts = self.contacts
         assert contacts is not None
         self.turned(z, False, clock)
-        self.run("product", [self.assembly.rows.w, z, self.pair.grad, 1.0 / clock.g], [self.q])
+        self.run("product", [self.assembly.rows.w, z, self.pair.grad, 1.0 / clock.effective_step], [self.q])
         contacts.run("given", [contacts.frame, self.q, z], [self.q])
 
     def product(self, z: wp.array, clock) -> None:
         """q = B z, of the transposed Jacobian."""
-        w, rate, contacts = self.assembly.rows.w, 1.0 / clock.g, self.contacts
+        w, rate, contacts = self.assembly.rows.w, 1.0 / clock.effective_step, self.contacts
         p = z
         if contacts:
             p = self.p

@@ -30,9 +30,9 @@ class Residual:
     def measure(self, clock: Clock, terms: Iterable[Term]) -> wp.array:
         """Measures what the last Newton step left of each system, by the matrix at its end, which is assembled."""
         own, f = self.assembly, self.assembly.f
-        own.linearise(1.0 / clock.g)
+        own.linearise(1.0 / clock.effective_step)
         for term in terms:
-            term.hold(clock.g, fresh=True)
+            term.hold(clock.effective_step, fresh=True)
             f = term.left(f)
         if own.system.schwarz:
             own.system.schwarz.left(own, f, self.array)

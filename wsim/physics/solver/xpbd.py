@@ -70,7 +70,7 @@ class Xpbd(Method):
         return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches
                 if b.row.gather == SPRINGS]
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """The energy is that of the rest lengths at the end of a frame. Explicit steps may take tethers: see
         kernels/motion/fused/hold.py."""
         if "xpbd" in (others.ports.fused_effects or ()):
@@ -91,7 +91,7 @@ class Xpbd(Method):
                                  what=f"{self.points.integrator.name}'s, in "
                                       f"{'every' if self.clock.integrator.beyond else 'the last'} substep of a frame"))
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("give way")] if self.watched and status.said(MISSED)[0] else []
 
     def residual_kernels(self, module: str, few: bool = True) -> list:
@@ -123,7 +123,7 @@ class Xpbd(Method):
         for row, (batch, kernel, own) in enumerate(zip(soft, kernels_, lam, strict=True)):
             batch.aim(x, d, x, 0.0)                      # what damping asks for is left out
             if kernel:
-                self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
+                self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.effective_step, row], [largest])
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/sweeps/residual.py (strain,
@@ -151,7 +151,7 @@ class Xpbd(Method):
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             hosts = [b for b, kernel in zip(soft, looks, strict=True) if not kernel] if looks else []
             found["residual"] = max([float(largest.numpy().max())] + [
-                b.left(self.state.x, self.state.e, 1.0 / self.clock.g) for b in hosts])
+                b.left(self.state.x, self.state.e, 1.0 / self.clock.effective_step) for b in hosts])
         return found
 
     def zero(self, clock: Clock) -> None:
@@ -164,17 +164,17 @@ class Xpbd(Method):
             batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
             return
         omega = batch.omega(clock)
-        batch.aim(s.x, s.d, a, 1.0 / clock.g)
+        batch.aim(s.x, s.d, a, 1.0 / clock.effective_step)
         at = fill_struct(point_states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
-            self.model.sweep(batch.kernel, [batch.data, at, batch.colours, 1.0 / clock.g, omega, batch.lam],
+            self.model.sweep(batch.kernel, [batch.data, at, batch.colours, 1.0 / clock.effective_step, omega, batch.lam],
                              [s.d, batch.lam], batch.worlds)
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
-                              [batch.data, at, int(first), 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
+                              [batch.data, at, int(first), 1.0 / clock.effective_step, omega, batch.lam], [s.d, batch.lam])
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
         a rest shape and rest lengths change."""
         hit = any([apply_live_value(self.model, batch.rows, path, name, value, world, batch.damped) for batch in self.batches])

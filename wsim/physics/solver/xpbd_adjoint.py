@@ -79,7 +79,7 @@ class SweepAdjoint:
 
     def record(self, tape: Tape, x: wp.array, a: wp.array | None, d: wp.array, clock) -> None:
         """A sweep over all colours, in place of d."""
-        batch, rate = self.batch, 1.0 / clock.g
+        batch, rate = self.batch, 1.0 / clock.effective_step
         omega, final = batch.omega(clock), clock.i == clock.iterations - 1
         x, a = tape.read(x), None if a is None else tape.read(a)
         s, g = kernels.sweep_states(self.vec3, self.value)(), kernels.sweep_gradients(self.vec3, self.value)()

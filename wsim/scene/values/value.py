@@ -1,7 +1,7 @@
 """A value of a scene as data: who has it, its unit and bounds, what may be done with it, and where a stage says it.
 
 Nothing is imported by a row, and no device is named: where a value lives on a device, and how it is set there, is known by the
-method that reads it (`wsim.model.stage.Method.set`).
+method that reads it (`wsim.model.stage.Method.set_value`).
 """
 
 from dataclasses import dataclass

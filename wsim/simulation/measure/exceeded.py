@@ -38,7 +38,7 @@ def note_exceeded_limits(sim) -> None:
     """Notes limits that were exceeded, after frame `sim.frame`, which holds."""
     status = sim.plan.status
     for method in sim.plan.methods:
-        for key, value, said in method.notes(status):
+        for key, value, said in method.frame_warnings(status):
             _add_exceeded_note(sim, key, value, said)
     if not status.words.any():
         return

@@ -208,7 +208,7 @@ def make_run_report(sim, with_profile: bool = True) -> dict:
                       **(sim.measured.report() if sim.measured else {})},
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
-        "kept": [k for method in plan.methods for k in method.kept()],
+        "kept": [k for method in plan.methods for k in method.kept_distances()],
         "skipped": plan.skipped, "repeats": list(sim.repeats),
         "warnings": [*sim.warnings, *warn_of_missed_rate(sim.fps, later), *deep,
                      *(w for each in (sim.measured, sim.settled) if each for w in each.warnings())],

@@ -9,4 +9,5 @@ def run(scene: Scene, frames: int = 4):
     for _ in range(frames):
         sim.step()
     contacts = sim.plan.ports.contacts
-    return sim, sim.state.x.numpy(), sim.state.v.numpy(), contacts.impulses(sim.plan.clock.g), contacts.mark.numpy()
+    pushes = contacts.impulses(sim.plan.clock.effective_step)
+    return sim, sim.state.x.numpy(), sim.state.v.numpy(), pushes, contacts.mark.numpy()

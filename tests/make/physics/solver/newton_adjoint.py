@@ -16,7 +16,7 @@ class Probe:
         self.sim.plan.before_frame(0.0)
         self.m, self.clock = self.sim.plan.ports.newton_assembly, self.sim.plan.clock
         self.method = self.sim.plan.method("implicit")
-        self.rate, self.n = 1.0 / self.clock.g, self.sim.model.points
+        self.rate, self.n = 1.0 / self.clock.effective_step, self.sim.model.points
         points = self.sim.plan.method("points")
         points.predict(self.clock)
         self.method.start(self.clock)

@@ -46,5 +46,5 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
             tape.zero(b.lam)
         at = fill_struct(point_states(self.model.real), x=x, d=d, a=a)
         for first, last in zip(b.starts[:-1], b.starts[1:], strict=True):
-            tape.launch(self.fresh, int(last - first), [b.data, at, int(first), 1.0 / clock.g, b.omega(clock), b.lam],
-                        [d, b.lam], device=self.model.device)
+            tape.launch(self.fresh, int(last - first), [b.data, at, int(first), 1.0 / clock.effective_step, b.omega(clock),
+                                                                    b.lam], [d, b.lam], device=self.model.device)

@@ -26,7 +26,7 @@ class Brakes(Method):
     def slow(self, clock: Clock) -> None:
         self.model.launch(self.kernel, self.model.points, [self.grip, clock.h, self.state.v], [self.state.v])
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = [body for brake, body in self.bodies if brake.path == path and world in (None, body.world)]
         if name != "grip" or not hit:
             return False

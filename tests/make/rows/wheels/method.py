@@ -43,7 +43,7 @@ class Wheels(Method):
         self.model.launch(self.kernel, self.part.count, [self.drag, clock.h / self.subdivide, self.room, a["angle"], a["rate"]],
                           [a["angle"], a["rate"], a["turned"], self.status.word(ROOM)])
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         wanted = int(status.said(ROOM)[0])
 
         def grow() -> str:
@@ -64,7 +64,7 @@ class Wheels(Method):
                 found += [TransformSample(w.path, M), QuantitySample(w.path, "toy:turns", float(theta / (2.0 * np.pi)))]
         return found
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = [k for k, (w, of) in enumerate(self.wheels) if w.path == path and world in (None, of)]
         if name != "drag" or not hit:
             return False

@@ -41,12 +41,12 @@ def test_a_sheet_that_meets_nothing_has_no_stages_of_it(solver):
 @pytest.mark.parametrize("solver", first_and_slow(solvers("xpbd", "xpbd bdf2")))
 def test_frames_without_stages_have_the_bits_of_frames_with_them(solver, monkeypatch):
     """Of a sheet that flies, crumples and flies apart."""
-    found, enter = [], apart.SurfaceFreeFlight.enter
+    found, enter = [], apart.SurfaceFreeFlight.choose_frame_form
     for always in (False, True):
         def of_all(self, clock, always=always):
             self.wait = 1 if always else self.wait
             enter(self, clock)
-        monkeypatch.setattr(apart.SurfaceFreeFlight, "enter", of_all)
+        monkeypatch.setattr(apart.SurfaceFreeFlight, "choose_frame_form", of_all)
         sim = run(crumple(4, 12, 1.5, **solver))
         sim.run(24)
         found.append(sim.positions())

@@ -283,7 +283,7 @@ def test_what_is_so_near_that_rounding_tells_is_projected_and_not_held(gap):
     """Sheets a few roundings apart, as jams leave them, that would come nearer by half of it."""
     sim = run(layers(2, 5, gap))
     found, s, clock = sim.plan.method("selfcontact"), sim.state, sim.plan.clock
-    found.enter(clock)
+    found.choose_frame_form(clock)
     found.before_frame(0.0, clock)
     d = np.zeros((len(s.d), 3))
     d[:, 1] = 0.25 * gap * np.repeat([1.0, -1.0], [b.count for b in sim.model.bodies])

@@ -66,7 +66,7 @@ class SurfaceFreeFlight:
             self.aside = method.near.beside()
             self.stages.append(Stage("apart behind", "deform", self.look_back, 8, size, "frame", what, MET))
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         """The form that a frame takes first; colliders have had their say."""
         o, self.vain = self.method.obstacles, False
         apart = self.wait == 0 and not clock.starting and not (o and o.moves)      # straight ways are not those of what turns
@@ -85,7 +85,7 @@ class SurfaceFreeFlight:
             for name, value in (("surfaces_wait", self.wait), ("surfaces_tried", self.tried)):
                 self.part.arrays[name].fill_(value)
 
-    def resumed(self) -> None:
+    def resume_run(self) -> None:
         """A run goes on exactly where an earlier one has ended."""
         self.wait, self.tried = (int(self.part.arrays[field.name].numpy()[0]) for field in FIELDS)
 

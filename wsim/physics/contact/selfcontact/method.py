@@ -113,13 +113,13 @@ class SelfContactMethod(Method):
         return fill_struct(point_states(self.model.real), x=s.x, e=s.e if self.start is None else self.start, d=s.d,
                            a=self.points.anchor)
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         self.contact, self.bounce = others.ports.contact, others.ports.restitution
         self.sweeper.meet()
         self.stages[1].launches = 1 if self.sweeper.fits() else self.stages[1].launches
         self.steady = self.within and not self.strands and not (self.contact and self.contact.movers)
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
-        self.settle.meet(others)
+        self.settle.connect_ports(others)
         if (terms := others.ports.newton_terms) is not None:
             from wsim.physics.contact.selfcontact.rows.newton_rows import NewtonContactRows
             self.solved = NewtonContactRows(self, others.ports.newton_assembly)
@@ -133,7 +133,7 @@ class SelfContactMethod(Method):
         if self.surfaces.state and (begins or not self.steady):
             self.surfaces.borrow(self.model, self.own())
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """static_friction, dynamic_friction of a body or a collider."""
         return name in FRICTION and self.surfaces.rub(path, FRICTION.index(name), value, world)
 
@@ -219,9 +219,9 @@ class SelfContactMethod(Method):
 
     # around a frame
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         self.often, self.fresh, self.stopped = False, not self.stopped, False
-        self.apart.enter(clock)
+        self.apart.choose_frame_form(clock)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.fresh:
@@ -236,7 +236,7 @@ class SelfContactMethod(Method):
         self.near.set_projection_rounds(ROUNDS * MORE if self.often else ROUNDS)
         self.fresh = False
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         said = status.said(SAID)
         wanted = int(said[step_clamp.WANTED])
         if self.clock.free:
@@ -257,7 +257,7 @@ class SelfContactMethod(Method):
             return [Remedy("stop", part="points", row=int(said[step_clamp.WHERE]) - 1, why=why)]
         return []
 
-    def reserve(self) -> None:
+    def lengthen_lists(self) -> None:
         if self.near.widen(self.near.capacity):
             self.room()
 
@@ -273,7 +273,7 @@ class SelfContactMethod(Method):
         """Arrays of others for as many pairs as the list has room for."""
         self.settle.room()
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)
         self.total += said
         self.run = max(self.run, int(said[step_clamp.RUN]))
@@ -286,8 +286,8 @@ class SelfContactMethod(Method):
             self.room()
         return frame_warnings(self, said)
 
-    def resumed(self, time: float) -> None:
-        self.apart.resumed()
+    def resume_run(self, time: float) -> None:
+        self.apart.resume_run()
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """Those of the list, `NearPairList.told`; searches, projected and cut substeps, held ones, of all frames; repeated:

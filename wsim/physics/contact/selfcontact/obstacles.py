@@ -148,7 +148,7 @@ class SurfaceObstacles:
 
     def move(self, clock: Clock) -> None:
         """Launches the ways of what moves in a substep; surfaces meet it where the substep ends."""
-        part = 0.0 if clock.integrator.beyond else 1.0 - clock.g / clock.h
+        part = 0.0 if clock.integrator.beyond else 1.0 - clock.effective_step / clock.h
         for k in range(len(self.each)):
             if self._obstacle_moves(k):
                 self._place(k, clock.k, part, clock)

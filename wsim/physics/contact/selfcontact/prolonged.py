@@ -37,7 +37,7 @@ class MidpointContacts(VelocitySolve):
         before = next(k for k, stage in enumerate(method.stages) if stage.phase == "solve")
         method.stages.insert(before, Stage("prolong", "solve", self.prolong, 1, 0, what="ends of substeps", frames=MET))
 
-    def make(self, real, module: str) -> dict:
+    def make_kernels(self, real, module: str) -> dict:
         factories = {"gather": kernels.pushing_pair_kernel, "aim": kernels.wanted_velocity_kernel,
                      "spread": kernels.push_weight_kernel, "strike": kernels.push_sweep_kernel,
                      "combine": velocity_solve.combination_kernel}

@@ -29,13 +29,13 @@ class VelocitySolve:
         m = self.clock.integrator
         self.memory, self.halved = m.memory > 0.0, m.lags
         self.capacity = 0
-        self.kernels = self.make(self.model.real, self.model.module)
+        self.kernels = self.make_kernels(self.model.real, self.model.module)
         self.aims_at = PlacedStruct(velocity_solve.aim_type(self.model.real), self.model.device)
         self.aims_at.put(count=wp.zeros(1, dtype=int, device=self.model.device))
         if self.kernels:
             self.room()
 
-    def make(self, real, module: str) -> dict:
+    def make_kernels(self, real, module: str) -> dict:
         """Kernels by name, and arrays of points; none where nothing is to be done."""
         if not (self.memory or self.halved):
             return {}
@@ -70,7 +70,7 @@ class VelocitySolve:
         """The pairs that push."""
         return self.aims_at.struct
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         if self.halved and (port := others.ports.before_half_kick) is not None:
             port.append(self.half)
             self.earlier = others.ports.earlier_change
@@ -138,7 +138,7 @@ class VelocitySolve:
             return
         near = self.method.near
         self.aims.count.zero_()
-        back = -clock.g if self.memory else 2.0 * clock.h
+        back = -clock.effective_step if self.memory else 2.0 * clock.h
         wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.table, back], [self.aims_at.at]))
         if self.halved:
             self.given.zero_()
@@ -161,7 +161,7 @@ class VelocitySolve:
 
     def forget(self, clock: Clock) -> None:
         """No history across a contact: the anchor that gives such velocities, and the velocity before."""
-        s, v, at, g = self.state, self.v, self.method.at(), clock.g
+        s, v, at, g = self.state, self.v, self.method.at(), clock.effective_step
         strands = self.method.strands
         sweep = partial(strands.settled, sweep=self.sweep) if strands else lambda v, past: self.sweep(v)
         self.pairs("aim", [at, clock.h], [self.aims_at.at])

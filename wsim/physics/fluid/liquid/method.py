@@ -146,7 +146,7 @@ class Liquids(Method):
             steps = domain.liquid.steps
             domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.liquid.most_steps))
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         wanted = status.said("liquid: room")
         return [Remedy("grow", partial(self._make_more_room, k, int(n))) for k, n in enumerate(wanted)
                 if n > self.parts[k].capacity]
@@ -165,13 +165,13 @@ class Liquids(Method):
         self.domains[k].particles = self._particle_struct(k)
         self.domains[k].order.grow(room)
 
-    def restored(self, fields) -> None:
+    def prepare_restart(self, fields) -> None:
         for k, (liquid, _) in enumerate(self.pairs):
             rows = len(fields.get(liquid.path, {}).get("id", ()))
             if rows > self.parts[k].capacity:
                 self.grow(k, rows)
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         missed = status.said("liquid: missed")
         found = cut_step_warnings([(d.liquid, d.world) for d in self.domains], status.said("liquid: steps"), self.more)
         found += [
@@ -219,7 +219,7 @@ class Liquids(Method):
         said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
         return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"][::2].max())}
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             return True

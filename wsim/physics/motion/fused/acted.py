@@ -35,7 +35,7 @@ class ActedFrames:
         self.one, self.method, self.model, self.pull, self.send = one, one.method, one.model, one.pull, one.send
         self.hold, self.kernel = point_holdings(one.model.real)(), None
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Takes what acts, before kernels are compiled."""
         taken, model, plan = self.method.taken, self.model, self.pull.cluster
         if "contact" in taken:
@@ -102,7 +102,8 @@ class ActedFrames:
             c, bounce = self.contact.contacts, self.contact.bounce
             met, out.push = [c.table, c.points, c.slots], c.push
             if bounce:
-                out.bounces = fill_struct(bounce_type(real), restitution=bounce.restitution, h=clock.h, g=clock.g, bend=2.0)
+                out.bounces = fill_struct(bounce_type(real), restitution=bounce.restitution, h=clock.h,
+                                          g=clock.effective_step, bend=2.0)
         self.model.launch_blocks(self.kernel, pull.cluster.size, pull.cluster.threads,
                                  [pull.net, pull.shares, self.whole(clock), out, *met, self.held(clock)], [])
         if self.contact and "solid" in self.contact.contacts.kinds:

@@ -22,5 +22,5 @@ class NewtonSoftPins(Term):
         """Their part of own and b."""
         m = self.assembly
         m.model.launch(self.kernel, self.first.size - 1,
-                       [self.pins.soft, self.pins.target["soft"], m.state.x, m.points.anchor, clock.k, 1.0 / clock.g],
-                       [m.A, m.b])
+                       [self.pins.soft, self.pins.target["soft"], m.state.x, m.points.anchor, clock.k,
+                        1.0 / clock.effective_step], [m.A, m.b])

@@ -216,7 +216,7 @@ class RigidContactTables:
         each = 1 + bool(self.on_meshes) + len(self.flush)
         return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
-    def set(self, path: str, name: str, value, world: int | None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None) -> bool:
         return meetings.set_surface_value(self, path, name, value, world)
 
     def arrays(self) -> dict[str, wp.array]:
@@ -270,7 +270,7 @@ class RigidContactTables:
             found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
         return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
-    def notes(self) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self) -> list[tuple[tuple, float, str]]:
         """Warnings of the converged mode: a frame that ended over its residual."""
         left = float(self.work.residual.numpy()[1]) if self.form.tolerance > 0.0 and self.method.touch is None else 0.0
         said = f"contacts of bodies were left with a residual of {{worst}} m/s; contact_tolerance is {self.form.tolerance:g}"
@@ -289,7 +289,7 @@ class RigidContactTables:
         """Manifolds without a colour in the last frame, solved in turn."""
         return int(self.status.said(IN_TURN)[0])
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         wanted = int(status.said(WORD)[0])
 
         def grow_pair_list() -> str:

@@ -138,7 +138,7 @@ class DeviceJoints:
             getattr(t, f"at_{name}").assign(np.array([s[0] for sides in every for s in sides[k::2]]))
             getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
 
-    def set(self, path: str, name: str, value, world: int | None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None) -> bool:
         """Stiffness, damping, target or speed of the drives of a joint."""
         rows = self.drives(path, world) if name in (*LIVE, "speed") else []
         if rows:

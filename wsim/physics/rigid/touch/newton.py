@@ -49,14 +49,14 @@ class ForeseenBodies(Term):
         touch = self.touch
         contacts, at = touch.contacts, touch.points(clock)
         self.run("lean", touch.room_for, [contacts.table, touch.shapes.of, contacts.slots, at, self.P, touch.V], [touch.rows])
-        touch.solve(clock, 1.0, clock.h, clock.g)
+        touch.solve(clock, 1.0, clock.h, clock.effective_step)
         touch.tell(clock)
 
     def owe(self, clock: Clock) -> None:
         """Gives points what bodies owe them, behind the last Newton step."""
         touch, own = self.touch, self.assembly
         wp.copy(self.V, touch.V)
-        own.linearise(1.0 / clock.g)
+        own.linearise(1.0 / clock.effective_step)
         if own.system.joined:
             own.system.joined.bear(own.f)
         self.run("owe", touch.model.points, [touch.shapes.of, touch.contacts.slots, touch.points(clock), own.f],
@@ -68,7 +68,7 @@ class ForeseenBodies(Term):
         self.run("miss", len(touch.rigid.bodies), [touch.hubs, touch.found, touch.V, self.V, SLOW, MOST],
                  [self.missed, touch.status.word(UNFORESEEN)])
 
-    def retry(self, clock: Clock) -> list[Remedy]:
+    def find_remedies(self, clock: Clock) -> list[Remedy]:
         """Twice the Newton steps, up to STEPS."""
         def double_newton_steps() -> str:
             clock.iterations *= 2

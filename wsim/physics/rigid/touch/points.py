@@ -92,7 +92,7 @@ class BodyPointContacts(RigidSubsteps):
         """Shapes of the bodies of a world, where they start."""
         return self.copies[world]
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Enters Newton steps, before the contacts of points do."""
         terms = others.ports.newton_terms
         if terms is not None:
@@ -182,9 +182,9 @@ class BodyPointContacts(RigidSubsteps):
 
     def points(self, clock: Clock) -> Any:
         s, of, memory = self.state, self.contact.points, clock.integrator.memory > 0.0
-        c, own = clock.g if memory else clock.g * clock.g / clock.h, self.contacts.points
+        c, own = clock.effective_step if memory else clock.effective_step * clock.effective_step / clock.h, self.contacts.points
         return fill_struct(self.Points, w=of.constants.w, object=own.object, friction=own.friction, x=s.x, v=s.v, e=s.e,
-                             d=s.d, a=of.anchor, push=self.contacts.push, h=clock.h, g=clock.g, c=c, slow=SLOW)
+                             d=s.d, a=of.anchor, push=self.contacts.push, h=clock.h, g=clock.effective_step, c=c, slow=SLOW)
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
@@ -258,9 +258,9 @@ class BodyPointContacts(RigidSubsteps):
         n, rig, c = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts
         for _ in range(self.rounds):
             self.run("gather", self.room_for, [c.table, c.slots, self.points(clock), self.found, n], [self.rows])
-            self.solve(clock, 1.0, clock.h, clock.g)
+            self.solve(clock, 1.0, clock.h, clock.effective_step)
             self.tell(clock)
-            c.project(clock.g, self.state.d, self.contact.anchor)
+            c.project(clock.effective_step, self.state.d, self.contact.anchor)
             self.blocks(self.kernels["take"], [self.rows, c.push, self.found, 0, self.lanes], [rig])
             if not self.alone:
                 self.sweep(clock)

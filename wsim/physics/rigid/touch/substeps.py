@@ -33,7 +33,7 @@ class RigidSubsteps:
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
                        Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
 
-    def meet(self, others: Methods) -> None:
+    def connect_ports(self, others: Methods) -> None:
         """Connects itself with what other methods offer."""
 
     def before_frame(self) -> None:

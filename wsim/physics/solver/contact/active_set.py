@@ -58,7 +58,7 @@ class ActiveSet(Term):
         m.system.solve(self.r, tolerance, cap, (m.state.x, m.state.d), self.A)
         self.run("remain", [m.rows, self.A, m.v.y, m.f, self.r, held.f], [self.r])
         self.without(m.v.y)
-        self.clip(clock.g, solved=True)
+        self.clip(clock.effective_step, solved=True)
         return True
 
     def without(self, z: wp.array) -> None:
@@ -84,5 +84,5 @@ class ActiveSet(Term):
 
     def press(self, clock: Clock, g: float = 0.0) -> None:
         """Presses d out of colliders, where it was moved without a look at contacts. g [s]: that of d, if it is another."""
-        m, g = self.assembly, g or clock.g
+        m, g = self.assembly, g or clock.effective_step
         self.run("press", [*self.tables, g, m.points.anchor], [m.state.d, self.contacts.push])

@@ -86,15 +86,15 @@ class EnergyBalance(Method):
         self.stages.append(Stage("energy balance", "deform", self.check, len(terms.each) + 2, terms.rows.capacity, "frame",
                                  "what may not rise"))
 
-    def meet(self, others) -> None:
+    def connect_ports(self, others) -> None:
         self.surfaces = others.ports.self_contact is not None
 
-    def enter(self, clock: Clock) -> None:
+    def choose_frame_form(self, clock: Clock) -> None:
         self.begun = False
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+    def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         self.fresh = True
-        self.reasons.set(path, name, value)
+        self.reasons.set_value(path, name, value)
         return False
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -113,13 +113,13 @@ class EnergyBalance(Method):
             self.given.fill_(gift)
         self.gift = gift
 
-    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+    def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Goes on with the substeps that an earlier run was raised to."""
         kept = fields.get(next(iter(self.part.rows))[0], {})
         if "balance_rises" in kept and kept["balance_rises"][0] > 0.0 and left_open(self.model.scene):
             self.rises, self.clock.substeps = int(kept["balance_rises"][0]), int(kept["balance_substeps"][0])
 
-    def resumed(self, time: float) -> None:
+    def resume_run(self, time: float) -> None:
         """The balance goes on with what is kept of it."""
         self.fresh = False
 
@@ -144,7 +144,7 @@ class EnergyBalance(Method):
         self.model.launch(ledger.close_frame, lanes * self.model.worlds,
                           [self.terms.rows, len(self.terms.each), lanes, PART, self.ledger], [self.status.word(WORD)])
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         """More substeps; or backward Euler, where surfaces collide by an integrator that damps nothing of what it does not
         resolve: crumpled sheets are full of that."""
         gained, found = status.said(WORD).any(), []          # type: Any, list[Remedy]
@@ -152,20 +152,20 @@ class EnergyBalance(Method):
             found.append(Remedy("give way", why=f"{self.clock.steps} substeps do not resolve what happens"))
         elif gained:
             found.append(Remedy("check", why="energy gained"))
-        return found + (self.figures.retry(status, self.clock.steps) if self.figures else [])
+        return found + (self.figures.find_remedies(status, self.clock.steps) if self.figures else [])
 
     @property
     def raised(self) -> bool:
         """True if there are more substeps than the plan had."""
         return self.rises > 0
 
-    def notes(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         """The warning of frames that hold though energy rose: of the worst its prim, how much, and what helps."""
         self.frames += 1
         moves = int(status.said(MOVES)[0])
         for why in self.why or [f"{path} moves" for path in self.reasons.paths[moves - 1:moves]]:
             self.opens[why] = self.opens.get(why, 0) + 1
-        found = self.figures.notes(status, self.clock.steps, self.advice_at_start) if self.figures else []
+        found = self.figures.frame_warnings(status, self.clock.steps, self.advice_at_start) if self.figures else []
         return [*found, *self.gains(status.said(WORD))]
 
     @property

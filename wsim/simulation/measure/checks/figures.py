@@ -53,11 +53,11 @@ class RigidFigures:
         if self.rolling:
             self.rolling.launch(clock)
 
-    def retry(self, status: FrameStatus, steps: int) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus, steps: int) -> list[Remedy]:
         found = [Remedy("check", why=name) for name in (GAPS, OVERLAPS) if status.said(name).any()]
-        return found + (self.rolling.retry(status, steps) if self.rolling else [])
+        return found + (self.rolling.find_remedies(status, steps) if self.rolling else [])
 
-    def notes(self, status: FrameStatus, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
         """Warnings: prims, the figure, what helps. steps: substeps now; at_start: what helps in the first frames besides."""
         found = []
         if status.said(GAPS).any():
@@ -69,7 +69,7 @@ class RigidFigures:
             one, other, deep = self.worst_overlap()
             found.append(((OVERLAPS,), deep, f"{one} and {other} overlap by {{worst}} m; give more substeps (now {steps}), or "
                           f"masses that are more alike{at_start}"))
-        return found + (self.rolling.notes(status, steps) if self.rolling else [])
+        return found + (self.rolling.frame_warnings(status, steps) if self.rolling else [])
 
     def worst_joint(self) -> tuple[str, float, float]:
         """Path, gap [m] and angle [rad] of the joint that is worst, the figure that is not 0."""

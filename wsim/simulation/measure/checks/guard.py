@@ -39,7 +39,7 @@ class FiniteGuard(Method):
             self.model.launch(self.kernels[real], threads, [numbers, threads, width, rows],
                               [self.status.word(_guard_word(name))])
 
-    def retry(self, status: FrameStatus) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         bad = {p.name: int(status.said(_guard_word(p.name))[0]) for p in self.parts}
         return [Remedy("refine", part=name, row=word - 1) for name, word in bad.items() if word]
 

@@ -49,7 +49,7 @@ class OpenFrameReasons:
         self.speeds = pins.pull if pins else wp.zeros(0, dtype=wp.float64, device=b.model.device)      # see `Pins.pull`
         self.joints = [j for j in scene.things("Joint") if j.enabled]
 
-    def set(self, path: str, name: str, value) -> None:
+    def set_value(self, path: str, name: str, value) -> None:
         """A live value that works, and was not there at the start."""
         if name in UNKNOWN and not (name == "wind" and self.works.wind):
             self.always = list(dict.fromkeys([*self.always, f"{name} of {path}, which was set"]))

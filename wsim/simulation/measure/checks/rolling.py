@@ -54,12 +54,12 @@ class RollingCheck:
         most = int(self.last.numpy().max())
         return 1e-3 * (most >> 32), most & 0xFFFFFFFF
 
-    def retry(self, status: FrameStatus, substeps: int) -> list[Remedy]:
+    def find_remedies(self, status: FrameStatus, substeps: int) -> list[Remedy]:
         if not status.said(WORD).any():
             return []
         return [Remedy("check", why=WORD, steps=ceil(substeps * self.passed()[0] / FEW))]
 
-    def notes(self, status: FrameStatus, substeps: int) -> list[tuple[tuple, float, str]]:
+    def frame_warnings(self, status: FrameStatus, substeps: int) -> list[tuple[tuple, float, str]]:
         if not status.said(WORD).any():
             return []
         passed, shape = self.passed()

@@ -57,7 +57,7 @@ class WorkOfSubsteps:
         given, n = self.array(own.count), own.count
 
         def launch_collider_work(clock: Clock) -> None:
-            self.model.launch(kernel, n, [own.points, own.slots, own.push, outside, clock.g], [given])
+            self.model.launch(kernel, n, [own.points, own.slots, own.push, outside, clock.effective_step], [given])
         self.stages.append(Stage("work of colliders", "solve", launch_collider_work, 1, n * 8, what=f"{n} points", frames=MET))
         self.colliders = True
 

@@ -122,7 +122,7 @@ class NewtonContactRows(Term):
     def begin(self, clock: Clock, back: Callable[[], None], line: Any) -> None:
         """d goes back to where the substep began, if Phi with psi is less there."""
         def compare_start_energy() -> None:
-            self.assembly.linearise(1.0 / clock.g)
+            self.assembly.linearise(1.0 / clock.effective_step)
             self.method.borrow()
             self.over_rows("stiffen", [*self.given, self.assembly.A, self.threads, self.law], [])
             self.renew(laws.LOOK)
@@ -131,8 +131,8 @@ class NewtonContactRows(Term):
             c, system = self.chunks, self.assembly.system
             system.launch(self.kernels["measure"], [c, self.assembly.A, self.assembly.v.y], [], c.body.size)
             self.model.launch(self.kernels["compare"], self.model.worlds, [c, self.law], [])
-            line.search(1.0 / clock.g, 0, terms=[self])
-        self.now(clock.g)
+            line.search(1.0 / clock.effective_step, 0, terms=[self])
+        self.now(clock.effective_step)
         self.when_near(compare_start_energy)
 
     def follow(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:

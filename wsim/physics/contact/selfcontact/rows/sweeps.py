@@ -103,7 +103,7 @@ class SurfaceSweeps:
         how = fill_struct(How, climb=rows.RECOVERY * clock.h, calm=rows.CALM * clock.h, count=count, anew=anew,
                           leads=int(leads),
                           spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved,
-                          held=self.held, g=contact.step(clock) if contact else clock.g)
+                          held=self.held, g=contact.step(clock) if contact else clock.effective_step)
         self.words.zero_()
         self.model.launch_blocks(self.kernel, self.blocks, self.block, [method.surfaces.data, at, how, touch, near.table,
                                                                         near.words], [near.sums])
