@@ -32,13 +32,14 @@ class TransformSample:
 @dataclass(frozen=True)
 class ParticleSample:
     """Particles, of another number each frame: positions [m] (n, 3), widths (diameters) [m] (n,), ids (n,), which stay with a
-    particle, velocities [m/s] (n, 3)."""
+    particle, velocities [m/s] (n, 3), linear colours, (3,) of all or (n, 3)."""
 
     path: str
     positions: np.ndarray
     widths: np.ndarray
     ids: np.ndarray
     velocities: np.ndarray | None = None
+    colors: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,8 @@ class MovedShapes:
                     if path := self.instances.get((each.path, number)):
                         self._place(path, moved @ self.things[path].motion.at(0.0))
             elif isinstance(each, samples.ParticleSample):
-                self.log.log_beads(each.path, each.positions, 0.5 * each.widths, np.array(palette_colour("particles", 0)))
+                color = np.array(palette_colour("particles", 0)) if each.colors is None else each.colors
+                self.log.log_beads(each.path, each.positions, 0.5 * each.widths, color)
             elif isinstance(each, samples.VolumeSample) and "density" in each.fields:
                 self._send_smoke(each)
 

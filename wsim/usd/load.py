@@ -208,11 +208,11 @@ def _simulated_pairs(reading: stages.StageReading, found: SortedPrims) -> list[t
         if len(sims) > 1:
             reading.fail(body.GetPath(), f"is one deformable body with {len(sims)} simulation geometries ("
                          f"{', '.join(str(p.GetPath()) for p in sims)}); allowed is one: give each its own " f"{names.BODY}")
-        elif not sims and not any(api in names.FEATURES for api in stages.applied_schemas(body)):
+        elif not sims and not any(claiming_method(stages.applied_schemas(prim)) for prim in (body, *body.GetChildren())):
             reading.warn(body.GetPath(), f"has {names.BODY}, and neither it nor a direct child has a simulation API "
                          f"(such as {names.SURFACE_SIM}); it is left out")
         elif not sims:
-            continue                                  # a feature that is not simulated: said so already
+            continue                                  # a method reads it
         elif read_attribute(body, "Body", "enabled") is False:
             reading.warn(body.GetPath(), "physics:bodyEnabled is off: it is left out")
         elif read_attribute(body, "Body", "kinematic"):

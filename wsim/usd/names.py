@@ -40,6 +40,8 @@ WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "W
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
+NEWTON_POINTS, NEWTON_MATERIAL, NEWTON_MPM_SCENE = "NewtonPointsDeformableSimAPI", "NewtonMPMMaterialAPI", "NewtonMPMSceneAPI"
+PHYSX_SET = "PhysxParticleSetAPI"
 WSIM_RODS, WSIM_GRAINS = "WsimRodsAPI", "WsimMaterialPointsAPI"
 WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
@@ -291,8 +293,6 @@ FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 
 # Schemas of what wsim does not simulate, and what that is.
 FEATURES = {
-    "NewtonPointsDeformableSimAPI": "the material point method (sand, snow, jelly as particles)",
-    "PhysxParticleSystem": "the particles of PhysX", "PhysxParticleSetAPI": "the particles of PhysX",
     "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "actuators of MuJoCo", "NewtonActuator": "actuators",
     "MjcTendon": "tendons of MuJoCo", "MjcEqualityJointAPI": "couplings of joints", "NewtonMimicAPI": "couplings of joints",
 }

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, Water
+from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, Snow, Water
 from wsim.physics.mpm.seeding import place_particles
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
@@ -18,7 +18,8 @@ SPARSE = 1.5               # cells between points, beyond which what is whole co
 
 def check(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     """Problems of one body."""
-    found = [*check_material(thing), *check_number(thing.path, "cell", thing.cell, 0.0, True), *check_places(thing),
+    found = [*(problem for material in thing.materials for problem in check_material(thing.path, material)),
+             *check_number(thing.path, "cell", thing.cell, 0.0, True), *check_places(thing),
              *check_rigid_motion(thing.path, thing.motion, "put the scale into the shape's sizes")]
     yield from found
     first = scene.things("MaterialPoints")[0]
@@ -26,16 +27,15 @@ def check(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
         yield thing_error(thing.path, f"cell is {thing.cell:g} m, and {first.path} has {first.cell:g} m",
                            "one cell size for all", f"give it cell={first.cell:g}")
     if not any(problem.fatal for problem in found):
-        yield from check_step(thing, scene)
+        for material in thing.materials:
+            yield from check_step(thing, material, scene)
         if thing.points is None and not len(place_particles(thing).x):
             yield thing_error(thing.path, f"its shape holds no particle: cells are {thing.cell:g} m",
                                "a shape of a cell or more", "give smaller cells, or a larger shape")
 
 
-def check_material(thing: MaterialPoints) -> Iterator[Problem]:
-    """Problems of the material's numbers."""
-    path = thing.path
-    m: Any = thing.material
+def check_material(path: str, m: Any) -> Iterator[Problem]:
+    """Problems of a material's numbers."""
     if type(m) not in MATERIALS.values():
         yield thing_error(path, f"material is {m!r}", f"Jelly, Snow, Granular, Water, or one of {', '.join(MATERIALS)}",
                            "give it one of these")
@@ -82,6 +82,25 @@ def check_places(thing: MaterialPoints) -> Iterator[Problem]:
         if v.shape not in allowed or not np.isfinite(v).all():
             yield thing_error(path, f"{name} is of shape {v.shape}, or not finite", " or ".join(map(str, allowed)),
                                "give finite numbers of that shape")
+    yield from check_rows(thing)
+
+
+def check_rows(thing: MaterialPoints) -> Iterator[Problem]:
+    """Problems of what each point has of its own."""
+    n = None if thing.points is None else len(thing.points)
+    rows: dict[str, list] = {"which": [(n,)], "ids": [(n,)], "widths": [(1,), (n,)], "colors": [(3,), (n, 3)]}
+    for name, allowed in rows.items():
+        value = getattr(thing, name)
+        if value is None:
+            continue
+        if n is None and name != "colors" or np.shape(value) not in allowed or not np.isfinite(value).all():
+            shapes = " or ".join(map(str, allowed)) if n is not None else "(3,) of colors alone, where it has a shape"
+            yield thing_error(thing.path, f"{name} is of shape {np.shape(value)}, or not finite", shapes, "give such numbers")
+        elif name == "which" and len(value) and not 0 <= value.min() <= value.max() <= len(thing.further):
+            yield thing_error(thing.path, f"which goes from {value.min()} to {value.max()}", f"0 to {len(thing.further)}, the "
+                               "number of further materials", "name materials that there are")
+        elif name == "ids" and len(np.unique(value)) != len(value):
+            yield thing_error(thing.path, "two of its ids are the same", "one for each point", "give others, or none")
 
 
 def check_points(thing: MaterialPoints) -> Iterator[Problem]:
@@ -96,7 +115,11 @@ def check_points(thing: MaterialPoints) -> Iterator[Problem]:
                            f"one number above 0, or {len(points)} of them [m^3]", "give others")
     elif thing.cell > 0.0:
         spacing = float(np.median(volumes) ** (1.0 / 3.0))
-        if spacing > SPARSE * thing.cell:
+        if spacing > SPARSE * thing.cell and not any(isinstance(m, (Jelly, Snow)) for m in thing.materials):
+            yield object_warning(path, f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: "
+                                  "grains that are apart do not meet", f"cells of {spacing / SPARSE:.3g} m or more",
+                                  f"give cell={2.0 * spacing:.3g}")
+        elif spacing > SPARSE * thing.cell:
             yield thing_error(path,
                                f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: the body "
                                "would come apart", f"cells of {spacing / SPARSE:.3g} m or more",
@@ -106,14 +129,14 @@ def check_points(thing: MaterialPoints) -> Iterator[Problem]:
                                  f"give cell={2.0 * spacing:.3g}, which costs as much and shows more")
 
 
-def check_step(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
+def check_step(thing: MaterialPoints, material: Any, scene: Scene) -> Iterator[Problem]:
     """An error where a frame would take more steps than there may be."""
-    mu, lam = thing.material.numbers()[:2]
-    speed = float(np.sqrt((lam + 2.0 * mu) / thing.material.density))
+    mu, lam = material.numbers()[:2]
+    speed = float(np.sqrt((lam + 2.0 * mu) / material.density))
     steps = speed / (scene.fps * COURANT * thing.cell) if scene.fps > 0.0 else 0.0
     if not isfinite(steps) or steps > MOST:
-        name = "bulk" if isinstance(thing.material, Water) else "young"
-        now = getattr(thing.material, name)
+        name = "bulk" if isinstance(material, Water) else "young"
+        now = getattr(material, name)
         yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of "
                            f"{COURANT * thing.cell / speed:.2g} s", f"up to {MOST} steps a frame",
                            f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, or more fps")

@@ -17,8 +17,9 @@ from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.mpm.grid import MORE, SparseGrid
 from wsim.physics.mpm.objects import MaterialPoints
+from wsim.physics.mpm.results import particle_sample
 from wsim.physics.mpm.seeding import count_blocks, locality_order, nearest_nodes, place_particles
-from wsim.scene.samples import DROPS, ParticleSample, Sample
+from wsim.scene.samples import Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -49,7 +50,7 @@ def build(b: Build) -> Method:
 
 def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
     """Laws of a scene's materials, each once."""
-    return tuple(sorted({thing.material.law for thing in things}))
+    return tuple(sorted({material.law for thing in things for material in thing.materials}))
 
 
 def signature(b: Any) -> list:
@@ -70,7 +71,12 @@ class MaterialPointMethod(Method):
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
         self.order = locality_order(self.node)
         self.volume = np.concatenate([each.volume for each in placed])
-        self.thing_of = np.repeat(np.arange(len(placed)), [len(each.x) for each in placed])
+        counts = [len(each.x) for each in placed]
+        self.thing_of = np.repeat(np.arange(len(placed)), counts)
+        self.materials = [material for thing in self.things for material in thing.materials]
+        first = np.cumsum([0, *(len(thing.materials) for thing in self.things)])
+        self.material_of = np.concatenate([first[k] + (np.zeros(n, int) if thing.which is None else thing.which)
+                                           for k, (thing, n) in enumerate(zip(self.things, counts, strict=True))])
         self.laws = law_names(self.things)
         rates = {name: np.concatenate([getattr(each, name) for each in placed]) for name in "vC"}
         self.part = self._allocate({"o": offset, **rates})
@@ -90,8 +96,8 @@ class MaterialPointMethod(Method):
         part = StatePart.allocate("mpm", FIELDS, worlds * n, self.model.real, self.model.device)
         self.place = np.empty(n, np.int64)                     # row of each particle of a world
         self.place[order] = np.arange(n)
-        mu_lam = np.array([thing.material.numbers()[:2] for thing in self.things])
-        stiff = (2.0 * mu_lam[:, 0] + mu_lam[:, 1])[self.thing_of]
+        mu_lam = np.array([material.numbers()[:2] for material in self.materials])
+        stiff = (2.0 * mu_lam[:, 0] + mu_lam[:, 1])[self.material_of]
         for name, values in (start | {"a": stiff}).items():
             part.arrays[name].assign(np.concatenate([values[order]] * worlds).astype(self.model.dtype))
         for axis, name in enumerate("ijk"):
@@ -103,10 +109,10 @@ class MaterialPointMethod(Method):
 
     def _fill_tables(self, b: Build) -> None:
         model, tables = self.model, point_tables(self.model.real)
-        worlds, count = model.worlds, len(self.things)
+        worlds, count = model.worlds, len(self.materials)
         self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (worlds, 1))
-        rows = (np.arange(worlds)[:, None] * count + self.thing_of[self.order]).ravel()
-        t, materials = self.model.dtype, [thing.material for thing in self.things]
+        rows = (np.arange(worlds)[:, None] * count + self.material_of[self.order]).ravel()
+        t, materials = self.model.dtype, self.materials
         vec3 = self.part.arrays["v"].dtype
         self.grid.points = fill_struct(tables.PointRows, row=model.upload(rows.astype(np.int32), int),
                                        volume=model.upload(np.tile(self.volume[self.order], worlds).astype(t), model.real),
@@ -166,16 +172,15 @@ class MaterialPointMethod(Method):
         rows, arrays = self.part.rows[self.things[k].path, world], self.part.arrays
         node = np.stack([arrays[name].numpy()[rows] for name in "ijk"], axis=1).astype(np.float64)
         x = self.corner + self.cell * (node + arrays["o"].numpy()[rows].astype(np.float64))
-        mass = self.things[k].material.density * self.volume[self.thing_of == k]
+        own = self.thing_of == k
+        mass = np.array([material.density for material in self.materials])[self.material_of[own]] * self.volume[own]
         return {"x": x, "v": arrays["v"].numpy()[rows].astype(np.float64), "m": mass}
 
     def samples(self, world: int = 0) -> list[Sample]:
         found: list[Sample] = []
         for k, thing in enumerate(self.things):
             now = self.read_particles(k, world)
-            width = (6.0 / np.pi * self.volume[self.thing_of == k]) ** (1.0 / 3.0)
-            path = thing.path + DROPS * (thing.points is None)
-            found.append(ParticleSample(path, now["x"], width, np.arange(len(width)), now["v"]))
+            found.append(particle_sample(thing, now, self.volume[self.thing_of == k]))
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:

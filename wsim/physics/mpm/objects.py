@@ -131,6 +131,11 @@ class Water:
 MATERIALS: dict[str, Callable] = {"jelly": Jelly, "snow": Snow, "sand": Granular, "water": Water}
 
 
+def named_material(material: Any) -> Any:
+    """The material of a name, with the values that it has by itself; anything else as it is."""
+    return MATERIALS[material]() if isinstance(material, str) and material in MATERIALS else material
+
+
 @dataclass(eq=False)
 class MaterialPoints(ArrayDataclass):
     """A body of particles that breaks, pours and piles up, as in `scene.mpm("/jelly", Box((0.1, 0.1, 0.1)), at=(0, 1, 0),
@@ -146,6 +151,11 @@ class MaterialPoints(ArrayDataclass):
     volumes    of each of the points, (n,) or one number [m^3]
     velocity   at the start, world (3,) [m/s], or of each of the points (n, 3)
     spin       at the start, about the centre of mass, world (3,) [rad/s]
+    further    more materials, of which `which` chooses
+    which      of each of the points, (n,): 0 is `material`, k is the k-th of `further`; None: all are of `material`
+    widths     diameters in results, of all or of each of the points [m]; None: of balls of the volumes
+    ids        of each of the points in results, (n,); None: 0, 1, 2 ...
+    colors     linear, of all, (3,), or of each of the points (n, 3); None: by the material
     """
 
     path: str
@@ -157,12 +167,24 @@ class MaterialPoints(ArrayDataclass):
     volumes: np.ndarray | None = None
     velocity: np.ndarray | None = None
     spin: np.ndarray | None = None
+    further: tuple = ()
+    which: np.ndarray | None = None
+    widths: np.ndarray | None = None
+    ids: np.ndarray | None = None
+    colors: np.ndarray | None = None
 
     def __post_init__(self):
-        if isinstance(self.material, str) and self.material in MATERIALS:
-            self.material = MATERIALS[self.material]()
+        self.material, self.further = named_material(self.material), tuple(map(named_material, self.further))
         if self.points is not None:
             self.points = np.array(self.points, np.float64).reshape(-1, 3)
         if self.volumes is not None:
             self.volumes = np.atleast_1d(np.array(self.volumes, np.float64))
+        for name, kind in (("which", np.int64), ("ids", np.int64), ("widths", np.float64), ("colors", np.float64)):
+            if getattr(self, name) is not None:
+                setattr(self, name, np.array(getattr(self, name), kind))
         self.velocity, self.spin = (np.zeros(3) if v is None else np.array(v, np.float64) for v in (self.velocity, self.spin))
+
+    @property
+    def materials(self) -> tuple:
+        """Its materials; `which` counts in this order."""
+        return (self.material, *self.further)

@@ -3,7 +3,7 @@
     Points      points, velocities, extent                        of a UsdGeom.PointBased
     Transform   xformOp:transform                                 of a UsdGeom.Xformable
     Instances   positions, orientationsf, velocities, angularVelocities, extent   of a UsdGeom.PointInstancer
-    Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
+    Particles   points, widths, ids, velocities, extent, colours  of a UsdGeom.Points
     Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
     Joints      translations, rotations, scales of a SkelAnimation below a UsdSkel.Skeleton, see `wsim.usd.result.kinds.joints`
@@ -98,7 +98,18 @@ def _write_particle_sample(prim: Usd.Prim, sample: ParticleSample, code: float, 
     if sample.velocities is not None:
         found.append((base.CreateVelocitiesAttr(),
                       _vec3f_array(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
+    if sample.colors is not None:
+        found.append((_particle_colours(prim, np.ndim(sample.colors) > 1), _vec3f_array(sample.colors)))
     return found
+
+
+def _particle_colours(prim: Usd.Prim, each: bool) -> Usd.Attribute:
+    """displayColor of particles: one of each, or one of all. Indices that a source may have count no more."""
+    kind = UsdGeom.Tokens.vertex if each else UsdGeom.Tokens.constant
+    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, kind)
+    if primvar.IsIndexed():
+        primvar.BlockIndices()
+    return primvar.GetAttr()
 
 
 def _write_transform_sample(prim: Usd.Prim, sample: TransformSample, code: float, beside: SidecarFiles) -> Written:
