@@ -200,7 +200,7 @@ OTHERS = (
         "young youngsModulus double Pa", "poisson poissonsRatio double 1", "model model token 1", "bulk bulkModulus double Pa",
         "exponent exponent double 1", "tension bearsTension bool 1", "compression_limit compressionLimit double 1",
         "tension_limit tensionLimit double 1", "hardening hardening double 1", "friction_angle frictionAngle double rad",
-        "cohesion cohesion double Pa", "cone cone token 1"))),
+        "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1"))),
     AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
     AttributeEntry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),

@@ -6,12 +6,19 @@ from typing import Any
 
 import numpy as np
 
+from wsim.physics.mpm.implicit.choice import (
+    IMPLICIT_MATERIALS,
+    INTEGRATORS,
+    chosen_integrator,
+    explicit_steps,
+    has_implicit_steps,
+    materials_of,
+)
 from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, Snow, Water
 from wsim.physics.mpm.seeding import place_particles
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
 
-COURANT = 0.5              # cells that a wave may cross in a step, as kernels/particles/mpm/motion.py
 MOST = 100_000             # steps of a frame, as kernels/particles/mpm/steps.py
 SPARSE = 1.5               # cells between points, beyond which what is whole comes apart
 
@@ -26,7 +33,9 @@ def check(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     if thing.cell != first.cell:
         yield thing_error(thing.path, f"cell is {thing.cell:g} m, and {first.path} has {first.cell:g} m",
                            "one cell size for all", f"give it cell={first.cell:g}")
-    if not any(problem.fatal for problem in found):
+    wrong = list(check_integrator(thing, scene))
+    yield from wrong
+    if not any(problem.fatal for problem in [*found, *wrong]):
         for material in thing.materials:
             yield from check_step(thing, material, scene)
         if thing.points is None and not len(place_particles(thing).x):
@@ -129,14 +138,37 @@ def check_points(thing: MaterialPoints) -> Iterator[Problem]:
                                  f"give cell={2.0 * spacing:.3g}, which costs as much and shows more")
 
 
+def check_integrator(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
+    """Problems of what steps are asked for."""
+    things, path = scene.things("MaterialPoints"), thing.path
+    if thing.integrator not in INTEGRATORS:
+        yield thing_error(path, f"integrator is {thing.integrator!r}", ", ".join(INTEGRATORS), "give it one of these")
+        return
+    other = next((each for each in things if each.integrator not in ("auto", thing.integrator)), None)
+    if other and thing.integrator != "auto":
+        yield thing_error(path, f"integrator is {thing.integrator}, and that of {other.path} is {other.integrator}",
+                          "one for all bodies of a scene", "give all of them the same, or leave one at auto")
+    elif thing.integrator == "implicit" and are_known(things) and not has_implicit_steps(things):
+        laws = ", ".join(sorted({each.law for each in materials_of(things)}))
+        yield thing_error(path, f"integrator is implicit, and the scene's materials are {laws}", IMPLICIT_MATERIALS,
+                          'give integrator="explicit", or simulate the others in a scene of their own')
+
+
+def are_known(things: list[MaterialPoints]) -> bool:
+    """True if all bodies are of materials that there are."""
+    return all(type(each) in MATERIALS.values() for each in materials_of(things))
+
+
 def check_step(thing: MaterialPoints, material: Any, scene: Scene) -> Iterator[Problem]:
-    """An error where a frame would take more steps than there may be."""
-    mu, lam = material.numbers()[:2]
-    speed = float(np.sqrt((lam + 2.0 * mu) / material.density))
-    steps = speed / (scene.fps * COURANT * thing.cell) if scene.fps > 0.0 else 0.0
+    """An error where a frame would take more explicit steps than there may be."""
+    things = scene.things("MaterialPoints")
+    if not are_known(things) or chosen_integrator(things, scene.fps) == "implicit":
+        return
+    steps, length = explicit_steps(material, thing.cell, scene.fps)
     if not isfinite(steps) or steps > MOST:
         name = "bulk" if isinstance(material, Water) else "young"
         now = getattr(material, name)
-        yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of "
-                           f"{COURANT * thing.cell / speed:.2g} s", f"up to {MOST} steps a frame",
-                           f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, or more fps")
+        or_implicit = ', or integrator="implicit"' if has_implicit_steps(things) else ""
+        yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of {length:.2g} s",
+                          f"up to {MOST} steps a frame",
+                          f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, more fps{or_implicit}")

@@ -35,6 +35,8 @@ def key_bits(worlds: int) -> int:
 class SparseGrid:
     """points, materials: structs of the particles. colliders: the scene's `ColliderTable`, or None."""
 
+    shift = 0.0            # of nodes from multiples of dx of the world [cells]
+
     def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int):
         self.model, self.count, self.dx, self.colliders = model, count, dx, colliders
         self.cuda, self.gathers = model.device.is_cuda, gathers(model.device)
@@ -43,11 +45,8 @@ class SparseGrid:
         self.real, self.tables = real, point_tables(real)
         self.by_block, self.by_step = block_kernels(real, module), step_kernels(laws, real, module)
         self.measure_energy = energy_kernel(laws, real, module)
-        momentum = sorted_kernels(real, module)
-        self.sort_momentum = momentum.sort_momentum if self.gathers else momentum.scatter_momentum
-        self.sum_cells = cell_kernel(real, module)
-        self.move_nodes = node_kernel(kinds, not self.gathers, real, module)
-        self.move_particles = particle_kernel(kinds, laws, not self.gathers, real, module)
+        self._make_kernels(laws, kinds)
+        self.solve_word: Any = None            # of the frame's status, where steps are solved for
         self.points: Any = None
         self.materials: Any = None
         self.clock, self.pace, self.more = (self.zeros(n) for n in (2, 2, 1))
@@ -62,6 +61,15 @@ class SparseGrid:
             from wsim.kernels.contact.collider.colliders import collider_type as wall_table
             self.wall_rows = wall_table(real)()
         self.make_room(blocks)
+
+    def _make_kernels(self, laws: tuple[str, ...], kinds: tuple[str, ...]) -> None:
+        """Kernels of a step."""
+        real, module = self.real, self.module
+        momentum = sorted_kernels(real, module)
+        self.sort_momentum = momentum.sort_momentum if self.gathers else momentum.scatter_momentum
+        self.sum_cells = cell_kernel(real, module)
+        self.move_nodes = node_kernel(kinds, not self.gathers, real, module)
+        self.move_particles = particle_kernel(kinds, laws, not self.gathers, real, module)
 
     def zeros(self, count: int, dtype: Any = None) -> Any:
         """Zeros on the device."""

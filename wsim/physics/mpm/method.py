@@ -16,6 +16,7 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.mpm.grid import MORE, SparseGrid
+from wsim.physics.mpm.implicit.choice import chosen_integrator
 from wsim.physics.mpm.objects import MaterialPoints
 from wsim.physics.mpm.results import particle_sample
 from wsim.physics.mpm.seeding import count_blocks, locality_order, nearest_nodes, place_particles
@@ -39,7 +40,8 @@ FIELDS = (
     StateField("j", "1", True, "nearest node along y", "int"),
     StateField("k", "1", True, "nearest node along z", "int"),
 )
-WORD = "mpm: grid"
+WORD, SOLVE_WORD = "mpm: grid", "mpm: solve"
+SOLVE_WORDS = 3            # iterations, steps whose residual was missed, worst residual [% of the tolerance]
 SPARE = 1.5                # room for blocks over those at the start
 
 
@@ -53,9 +55,18 @@ def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
     return tuple(sorted({material.law for thing in things for material in thing.materials}))
 
 
+def grid_class(things: list[MaterialPoints], fps: float) -> type[SparseGrid]:
+    """The class of the grid that takes the steps of a scene's bodies."""
+    if chosen_integrator(things, fps) == "explicit":
+        return SparseGrid
+    from wsim.physics.mpm.implicit.granular import GranularGrid
+    return GranularGrid
+
+
 def signature(b: Any) -> list:
     """Part of a scene's bodies that decides kernels."""
-    return [law_names(b.scene.things("MaterialPoints"))]
+    things = b.scene.things("MaterialPoints")
+    return [law_names(things), chosen_integrator(things, b.scene.fps)]
 
 
 class MaterialPointMethod(Method):
@@ -67,7 +78,8 @@ class MaterialPointMethod(Method):
         self.cell = float(self.things[0].cell)
         placed = [place_particles(thing) for thing in self.things]
         x = np.concatenate([each.x for each in placed])
-        self.corner = self.cell * np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell)
+        make_grid = grid_class(self.things, b.scene.fps)
+        self.corner = self.cell * (np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell) + make_grid.shift)
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
         self.order = locality_order(self.node)
         self.volume = np.concatenate([each.volume for each in placed])
@@ -83,9 +95,10 @@ class MaterialPointMethod(Method):
         b.state.add(self.part)
         colliders = ColliderTable(b.model, b.scene.colliders, self.corner) if b.scene.colliders else None
         blocks = b.model.worlds * count_blocks(self.node)
-        self.grid = SparseGrid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8)
+        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8)
         self._fill_tables(b)
         b.status.reserve(WORD, WORDS)
+        b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
         self.more, self.time = MORE, 0.0
         self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
@@ -138,6 +151,7 @@ class MaterialPointMethod(Method):
         self.grid.more.fill_(self.more)
 
     def run_stage(self, clock: Clock) -> None:
+        self.grid.solve_word = self.status.word(SOLVE_WORD)
         self.grid.run_frame(clock.dt, self.status.word(WORD))
 
     def find_remedies(self, status: FrameStatus) -> list[Remedy]:
@@ -157,6 +171,14 @@ class MaterialPointMethod(Method):
             self.grid.more.fill_(self.more)
             return [Remedy("again")]
         return []
+
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+        sweeps, missed, worst = (int(n) for n in status.said(SOLVE_WORD))
+        if not missed:
+            return []
+        return [((SOLVE_WORD,), worst / 100.0,
+                 f"{self.things[0].path}: implicit steps of material points leave {{worst}} times the residual that they may; "
+                 "give more frames a second, or larger cells")]
 
     def _give_up(self, row: int, why: str) -> Remedy:
         return Remedy("stop", part="mpm", row=row, why=why)

@@ -156,6 +156,7 @@ class MaterialPoints(ArrayDataclass):
     widths     diameters in results, of all or of each of the points [m]; None: of balls of the volumes
     ids        of each of the points in results, (n,); None: 0, 1, 2 ...
     colors     linear, of all, (3,), or of each of the points (n, 3); None: by the material
+    integrator "explicit", "implicit", or "auto", which takes implicit steps where they cost less; one for all bodies of a scene
     """
 
     path: str
@@ -172,6 +173,7 @@ class MaterialPoints(ArrayDataclass):
     widths: np.ndarray | None = None
     ids: np.ndarray | None = None
     colors: np.ndarray | None = None
+    integrator: str = "auto"
 
     def __post_init__(self):
         self.material, self.further = named_material(self.material), tuple(map(named_material, self.further))

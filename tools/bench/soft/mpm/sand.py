@@ -34,12 +34,13 @@ def make_scene(width: float, floor: float) -> wsim.Scene:
     return scene
 
 
-def run_slope(degrees: float, device: str, depth: float = 0.2, length: float = 12.0, cell: float = 0.05) -> None:
+def run_slope(degrees: float, device: str, integrator: str, depth: float = 0.2, length: float = 12.0,
+              cell: float = 0.05) -> None:
     """Prints the speed of a layer on a slope."""
     scene = make_scene(2 * cell, ROUGH)
     scene.gravity = (0.0, 0.0, 0.0)
     scene.mpm("/sand", wsim.Box((0.5 * length, 0.5 * depth, cell)), at=(0, 0.5 * depth, cell), cell=cell,
-              material=Granular(young=1e6, friction_angle=np.radians(ANGLE)))
+              material=Granular(young=1e6, friction_angle=np.radians(ANGLE)), integrator=integrator)
     simulation = wsim.Simulation(scene, device=device)
     x = simulation.samples()[0].positions
     middle = (np.abs(x[:, 0]) < 0.5) & (x[:, 1] > 0.7 * depth)
@@ -59,13 +60,13 @@ def run_slope(degrees: float, device: str, depth: float = 0.2, length: float = 1
           flush=True)
 
 
-def run_column(aspect: float, device: str) -> None:
+def run_column(aspect: float, device: str, integrator: str) -> None:
     """Prints the run-out of a column."""
     cell, height = LENGTH / ACROSS, aspect * LENGTH
     scene = make_scene(2 * cell, ROUGH)
     scene.collider("/wall", wsim.Plane("X"), static_friction=0.0, dynamic_friction=0.0)
     scene.mpm("/sand", wsim.Box((0.5 * LENGTH, 0.5 * height, cell)), at=(0.5 * LENGTH, 0.5 * height, cell), cell=cell,
-              material=Granular(young=2e5, friction_angle=np.radians(REPOSE)))
+              material=Granular(young=2e5, friction_angle=np.radians(REPOSE)), integrator=integrator)
     simulation = wsim.Simulation(scene, device=device)
     began = time.process_time()
     simulation.run(int(60 * 5.0 * np.sqrt(height / GRAVITY)) + 6)
@@ -82,11 +83,12 @@ def main() -> None:
     parser.add_argument("--slope", type=float, nargs="*", default=[29.0, 31.0])
     parser.add_argument("--column", type=float, nargs="*", default=[0.6, 1.0, 2.0, 3.0])
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--integrator", default="explicit", choices=("explicit", "implicit"))
     given = parser.parse_args()
     for degrees in given.slope:
-        run_slope(degrees, given.device)
+        run_slope(degrees, given.device, given.integrator)
     for aspect in given.column:
-        run_column(aspect, given.device)
+        run_column(aspect, given.device, given.integrator)
 
 
 if __name__ == "__main__":

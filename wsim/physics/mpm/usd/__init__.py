@@ -24,7 +24,7 @@ from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
-OWN = ("cell", "velocity", "spin")
+OWN = ("cell", "velocity", "spin", "integrator")
 
 
 def load(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | None:
@@ -105,7 +105,7 @@ def author(stage: Usd.Stage, thing: MaterialPoints, units: StageUnits) -> None:
         author_display_colors(prim, thing.colors)
     for field in OWN:
         value = getattr(thing, field)
-        if field == "cell" or np.shape(value) == (3,) and np.any(value):
+        if field == "cell" or field == "integrator" and value != "auto" or np.shape(value) == (3,) and np.any(value):
             write_value(prim, "MaterialPoints", field, value, units)
 
 

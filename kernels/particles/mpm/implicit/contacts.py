@@ -1,0 +1,77 @@
+"""Colliders at corners of cells in implicit steps: which of them may hold a corner in a step, and what they do to its velocity.
+
+    w = v - u;  press = max(-w . n - gap / h, 0);  v += press n;  then Coulomb friction of the size mu press on the rest of w
+
+The law is that of explicit steps (walls.py). A corner that has a gap to a collider may go as far as the gap in a step, so that
+what falls comes to rest on the surface, and not within it.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.contact.collider.colliders import collider_type
+from wsim.kernels.contact.collider.table import collider_queries
+from wsim.kernels.contact.mesh import SHEET
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.implicit.granular_tables import CONTACTS, granular_tables
+
+REACH = wp.constant(2.0)           # cells from a collider in which a corner may touch it within a step
+FAR = wp.constant(5.0)             # cells from all colliders, beyond which a particle of the cell meets none in a step
+ON = wp.constant(0.01)             # cells: corners so near are within
+HALF = wp.constant(0.5)            # of an open mesh, which has no inside
+
+
+@cache
+def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
+    """find_contacts(colliders, place, time, dx, row, contacts) -> their number, -1: none is near.
+    hold_corner(contacts, row, count, v, h) -> v, and the part of a push along each axis that the corner is free to follow."""
+    t, Colliders, Contacts = types(real), collider_type(real), granular_tables(real).CornerContacts
+    ask = collider_queries(kinds or ("sphere",), real)
+
+    @wp.func
+    def find_contacts(c: Colliders, y: t.vec3, time: real, dx: real, row: int, contacts: Contacts):
+        count = int(-1)
+        for k in range(c.kind.shape[0]):
+            phi, n, p = ask.closest(c, k, y, time)
+            if phi < real(FAR) * dx:
+                count = wp.max(count, 0)
+                surface = real(ON) * dx
+                if c.kind[k] == SHEET:
+                    surface = real(HALF) * dx
+                if phi < real(REACH) * dx and count < wp.static(CONTACTS):
+                    u = ask.rate(c, k, y, time)
+                    rub = c.friction[k]
+                    contacts.n[count, row] = t.vec4(n[0], n[1], n[2], rub[0])
+                    contacts.u[count, row] = t.vec4(u[0], u[1], u[2], rub[1])
+                    contacts.gap[count, row] = wp.max(phi - surface, real(0.0))
+                    count += 1
+        return count
+
+    @wp.func
+    def hold_corner(contacts: Contacts, row: int, count: int, v: t.vec3, h: real):
+        held = v
+        free = t.vec3(real(1.0))
+        for k in range(count):
+            at = contacts.n[k, row]
+            moves = contacts.u[k, row]
+            n = t.vec3(at[0], at[1], at[2])
+            u = t.vec3(moves[0], moves[1], moves[2])
+            w = held - u
+            into = wp.dot(w, n)
+            press = -into - contacts.gap[k, row] / h
+            if press > real(0.0):
+                w -= into * n
+                speed = wp.length(w)
+                part = real(0.0)
+                if speed > at[3] * press:
+                    part = wp.max(real(1.0) - moves[3] * press / speed, real(0.0))
+                if part > real(0.0):
+                    free -= wp.cw_mul(free, wp.cw_mul(n, n))
+                else:
+                    free = t.vec3()
+                held = u + part * w + (into + press) * n
+        return held, free
+
+    return SimpleNamespace(find_contacts=find_contacts, hold_corner=hold_corner)

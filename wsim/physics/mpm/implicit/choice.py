@@ -1,0 +1,40 @@
+"""Which steps the bodies of a scene take: explicit ones, as short as the stiffest material needs, or implicit ones. NumPy."""
+
+from typing import Any
+
+import numpy as np
+
+from wsim.physics.mpm.objects import MaterialPoints
+
+IMPLICIT_MATERIALS = "sand alone"
+INTEGRATORS = ("auto", "explicit", "implicit")
+COURANT = 0.5              # cells that a wave may cross in a step, as kernels/particles/mpm/motion.py
+SAND_STEPS = 200           # explicit steps of a frame, above which sand takes implicit ones
+
+
+def materials_of(things: list[MaterialPoints]) -> list:
+    """Materials of all bodies."""
+    return [material for thing in things for material in thing.materials]
+
+
+def explicit_steps(material: Any, cell: float, fps: float) -> tuple[float, float]:
+    """Explicit steps of a frame, and the length of one [s], by the wave of the material at rest; cell: edge of a cell [m]."""
+    mu, lam = material.numbers()[:2]
+    speed = float(np.sqrt((lam + 2.0 * mu) / material.density))
+    step = COURANT * cell / speed
+    return (1.0 / (fps * step) if fps > 0.0 else 0.0), step
+
+
+def has_implicit_steps(things: list[MaterialPoints]) -> bool:
+    """True if there are implicit steps for what the bodies are made of: sand alone."""
+    return all(material.law == "sand" for material in materials_of(things))
+
+
+def chosen_integrator(things: list[MaterialPoints], fps: float) -> str:
+    """"explicit" or "implicit", for all bodies of a scene: what they ask for; else implicit where it is known and a frame would
+    take many explicit steps."""
+    asked = {thing.integrator for thing in things} - {"auto"}
+    if asked:
+        return asked.pop()
+    most = max(explicit_steps(material, things[0].cell, fps)[0] for material in materials_of(things))
+    return "implicit" if has_implicit_steps(things) and most > SAND_STEPS else "explicit"
