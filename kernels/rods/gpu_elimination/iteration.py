@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rods.air import air_force_on_edge
 from wsim.kernels.rods.contact import MET, Colliders, expect_all
 from wsim.kernels.rods.edges.edge_contact_law import EdgeForces
@@ -67,8 +68,9 @@ def apply_edge_correction(S: RodTable, T: RodTrial, A: RodParts, i: int, k: int)
 
 
 @cache
-def iteration_functions(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
-    """Functions of the parts. kinds: of colliders. airy: with air."""
+def iteration_functions(kinds: tuple[str, ...], airy: bool, called: bool = False) -> SimpleNamespace:
+    """Functions of the parts. kinds: of colliders. airy: with air. called: long ones stand by themselves
+    (kernels/math/marks.py)."""
     meets = bool(kinds)
     point, finish = point_block_func(kinds, airy, False), finish_point(kinds)
     clear, touch = (inside_edge_functions(kinds).clear, inside_edge_functions(kinds).touch) if meets else (None, None)
@@ -164,5 +166,8 @@ def iteration_functions(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         p.at = A.at[k] - 1
         return finish(S, C, Q, T, p, i, k)
 
+    if called:
+        for function in (touch_strand_edge, measure_strand_point, end_strand_point):
+            standalone_function(function)
     return SimpleNamespace(meet=touch_strand_edge if meets else None, measure=measure_strand_point, judge=judge_strand_step,
                            move=move_strand_point, end=end_strand_point)

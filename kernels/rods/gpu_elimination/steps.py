@@ -26,13 +26,16 @@ WARP = 32
 
 
 @cache
-def apart_step_kernels(kinds: tuple[str, ...], airy: bool, module: str):
+def apart_step_kernels(kinds: tuple[str, ...], airy: bool, module: str, last: str):
     """Kernels over points (tid: point number * strands + place in the list) or strands: begin substeps (points), touch
     colliders with edges (points; launched only where there are any), measure (points), solve (place * LANES + lane), take
     (points), end substeps (points), finish (place * WARP + lane), enlist (strands). said: as `march.strands` has it. kinds: of
-    colliders. airy: with air. few: strands at which a kind of launches ends."""
+    colliders. airy: with air. few: strands at which a kind of launches ends. last: module of the kernel that finishes:
+    NVRTC takes as long for it as for all others, and does both at once."""
     meets, parts, eliminate = bool(kinds), iteration_functions(kinds, airy), lane_elimination_func(bool(kinds), airy)
     touch, measure, judge, move, end = parts.meet, parts.measure, parts.judge, parts.move, parts.end
+    apart = iteration_functions(kinds, airy, called=True)
+    touch_alone, measure_alone, end_alone = apart.meet, apart.measure, apart.end
 
     @wp.kernel(enable_backward=False, module=module)
     def begin_points(S: RodTable, H: RodPins, Q: RodMotion, T: RodTrial, A: RodParts, few: int, words: wp.array(dtype=int)):
@@ -117,7 +120,7 @@ def apart_step_kernels(kinds: tuple[str, ...], airy: bool, module: str):
             if deep > wp.float64(0.0):
                 wp.atomic_max(said, k, 2, deep)
 
-    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 8))        # 10: a quarter slower, for want of registers
+    @wp.kernel(enable_backward=False, module=last, launch_bounds=(32, 8))          # 10: a quarter slower, for want of registers
     def finish_strands(S: RodTable, H: RodPins, C: Colliders, Q: RodMotion, T: RodTrial, A: RodParts,
                        said: wp.array2d(dtype=wp.float64)):
         place = wp.tid() / wp.static(WARP)
@@ -131,8 +134,8 @@ def apart_step_kernels(kinds: tuple[str, ...], airy: bool, module: str):
         while on == 1:
             for i in range(lane, n, wp.static(WARP)):
                 if wp.static(meets):
-                    touch(S, C, Q, T, A, i, k)
-                measure(S, C, Q, T, A, i, k)
+                    touch_alone(S, C, Q, T, A, i, k)
+                measure_alone(S, C, Q, T, A, i, k)
             warp_memory_barrier()
             if lane < wp.static(LANES):
                 z = eliminate(T, A, n, lane, k)
@@ -145,7 +148,7 @@ def apart_step_kernels(kinds: tuple[str, ...], airy: bool, module: str):
             for i in range(lane, n, wp.static(WARP)):
                 apply_edge_correction(S, T, A, i, k)
                 if A.done[k] == 1:
-                    deep = end(S, C, Q, T, A, i, k)
+                    deep = end_alone(S, C, Q, T, A, i, k)
                     if deep > wp.float64(0.0):
                         wp.atomic_max(said, k, 2, deep)
             warp_memory_barrier()

@@ -23,8 +23,10 @@ FEW = 10            # 1 / FEW of the strands are finished by a warp each; all of
 class StrandElimination:
     def __init__(self, strands: RodMethod, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
+        last = f"{module}_last"
+        strands.model.modules[last] = strands.threads
         self.begin, self.touch, self.measure, self.solve, self.take, self.end, self.finish, self.enlist = apart_step_kernels(
-            strands.obstacles.kinds, strands.airy, module)
+            strands.obstacles.kinds, strands.airy, module, last)
         m, count = table.strands, numbers_per_point(strands.airy) + (TOUCH + OWNED) * bool(strands.obstacles.kinds)
         part = np.zeros((count, table.longest + 2, m))
         end = np.arange(table.longest + 2)[:, None] >= table.counts

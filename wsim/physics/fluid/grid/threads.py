@@ -35,6 +35,10 @@ class Threads:
         """Module of kernels with so many threads a block on CUDA."""
         return self.model.module_of(threads) if self.cuda else self.module
 
+    def part(self, name: str) -> str:
+        """Module of a part of the kernels on CUDA, compiled beside the others: a liquid's take NVRTC 11 s as one module."""
+        return self.model.module_of(BLOCK, name) if self.cuda else self.module
+
     def one(self, kernel, threads: int, inputs: list) -> None:
         """One block of so many threads; on the CPU one thread."""
         if self.cuda:

@@ -44,7 +44,7 @@ class LiquidDomain:
                  numbers: wp.array, afloat: Any = None):
         self.threads, self.liquid, self.world, self.layout = threads, liquid, world, Layout.of(liquid)
         self.particles, self.words = particles, {}
-        layout, real, module, dim = self.layout, threads.model.real, threads.module, self.layout.dim
+        layout, real, module, dim = self.layout, threads.model.real, threads.part("particles"), self.layout.dim
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
         self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
         self.weighed: tuple = ()                 # what `weigh` has uploaded

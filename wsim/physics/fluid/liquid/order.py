@@ -12,7 +12,7 @@ class ParticleOrder:
     """`cells`: what kernels read. room: rows that there are."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, affine: bool, room: int):
-        real, module, dim = threads.model.real, threads.module, layout.dim
+        real, module, dim = threads.model.real, threads.part("particles"), layout.dim
         self.threads, self.grid, self.affine, self.size = threads, grid, affine, layout.cells
         self.count_kernel, self.place = (sort.particle_count_kernel(dim, real, module),
                                          sort.particle_order_kernel(dim, real, module))

@@ -17,7 +17,7 @@ class LiquidVolume:
     """sums: volumes [cells] of liquid, outside of obstacles, and of the particles, where the last step began, (1,) of 3."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any, thin: bool):
-        real, module = threads.model.real, threads.module
+        real, module = threads.model.real, threads.part("particles")
         self.threads, self.layout, self.grid, self.obstacles = threads, layout, grid, obstacles
         self.measure_kernel = volume.liquid_volume_kernel(layout.dim, obstacles is not None, thin, real, module)
         self.sum_kernel = volume.liquid_volume_sum_kernel(real, module)

@@ -17,7 +17,7 @@ class Walls:
     """clear: of each cell, to the nearest shape and thin wall [m]; share: part of its hat; cut: of the faces of each axis."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any):
-        real, module, dim, n = threads.model.real, threads.module, layout.dim, layout.cells
+        real, module, dim, n = threads.model.real, threads.part("walls"), layout.dim, layout.cells
         self.threads, self.grid, self.obstacles, kinds = threads, grid, obstacles, obstacles.shapes.kinds
         self.thin = bool(obstacles.shapes.thin.any())
         self.clear = threads.zeros(n, types(real).vec2)
