@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import median
 
 import pytest
+from pxr import Sdf
 
 from tools.lint import ROOT
 from wsim import cli
@@ -68,6 +69,8 @@ def test_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, tables):
             (tmp_path / file[1]).write_text(code, encoding="utf-8")
         elif language == "python":
             exec(compile(code, PAGES[name].name, "exec"), names)
+        elif language == "usda":
+            assert Sdf.Layer.CreateAnonymous().ImportFromString(f"#usda 1.0\n{code}")
         elif language != "text":
             for line in code.strip().splitlines():
                 assert line.startswith("wsim ") and cli.main(shlex.split(line)[1:]) == 0, line

@@ -47,7 +47,9 @@ def delay_scene_curves(scene: Scene, delay: float) -> Scene:
         return scene
     nets = [s if s.actuation is None else replace(s, actuation=_curve_later(s.actuation, delay)) for s in scene.springs]
     bones = {id(b): b.later(delay) for b in scene.things("Skeleton")}
-    others = {**scene.others, "Skeleton": list(bones.values())} if bones else scene.others
+    others = {**scene.others, **({"Skeleton": list(bones.values())} if bones else {})}
+    if rods := scene.things("Rods"):
+        others["Rods"] = [replace(r, pins=[_pin_later(p, delay, bones) for p in r.pins]) for r in rods]
     return replace(scene, springs=nets, colliders=[_collider_later(c, delay, bones) for c in scene.colliders], others=others,
                    pins=[_pin_later(p, delay, bones) for p in scene.pins],
                    loads=[replace(load, curve=_curve_later(load.curve, delay)) for load in scene.loads],

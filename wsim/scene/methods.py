@@ -121,7 +121,7 @@ def method_colliders(scene) -> list:
 def paths_following(scene, thing) -> list[str]:
     """Paths of the colliders and pins whose points follow a thing, such as a skeleton."""
     return [*(c.path for c in scene.colliders if getattr(getattr(c.shape, "poses", None), "skeleton", None) is thing),
-            *(p.path for p in scene.pins if p.follows is not None and p.follows.skin.skeleton is thing)]
+            *(p.path for p in scene.all_pins() if p.follows is not None and p.follows.skin.skeleton is thing)]
 
 
 def driving_bodies(scene) -> set[str]:

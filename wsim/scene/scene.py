@@ -187,6 +187,11 @@ class Scene(ArrayDataclass):
         """Adds rods or hair (`wsim.Rods`): points (n, 3) [m], strand behind strand, counts of points of each strand."""
         return self.add(method_file("Rods", "objects").Rods(path, points, counts, **more))
 
+    def hair(self, path: str, collider: Collider, number: int, length: float, where=None, segments: int = 8, **more) -> Any:
+        """Adds hair (`wsim.Rods`) that grows from a collider and goes with it: `number` strands of `length` [m], spread evenly,
+        straight out, clamped at their roots. where: bool of places (n, 3) [m], which triangles have hair (None: all)."""
+        return self.add(method_file("Rods", "objects").grow_hair(path, collider, number, length, where, segments, more))
+
     def smoke(self, path: str, low, high, cell: float, **more) -> Any:
         """Adds a box of air (`wsim.Fluid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; `smoke_source`
         lets smoke into it."""
@@ -242,6 +247,10 @@ class Scene(ArrayDataclass):
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, as_curve_over_time(traction),
                                triangles=triangles))
         return self.loads[-1]
+
+    def all_pins(self) -> list[Pin]:
+        """Pins of cloths, nets, soft bodies and rods."""
+        return [pin for holder in (self, *self.things("Rods")) for pin in holder.pins]
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""

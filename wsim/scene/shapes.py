@@ -4,6 +4,7 @@
     spring_sheet    a square net of springs: structural, both diagonals, weak cross springs over one point
     sphere, box, capsule, cylinder, cone, torso     closed surfaces, wound outward (counter-clockwise from outside)
     read_obj        the surface of an OBJ file
+    grow_strands    strands that stand on a surface, as `Scene.hair` makes them
     block           a solid box of tetrahedra, as `Scene.soft` takes it, as in `shapes.block((1.0, 0.2, 0.2), 4)`
 
 A surface is (points (n, 3) float64 [m], counts (faces,) int32, indices (sum of counts,) int32), in the order that
@@ -15,6 +16,7 @@ import numpy as np
 
 from wsim.geometry import primitives
 from wsim.geometry.tetra import lattice
+from wsim.geometry.triangulate import triangulate_polygons
 
 CUTS = ("alternating", "diagonal", "quads")
 
@@ -224,3 +226,36 @@ def read_obj(path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise ValueError(f"{path}: has no faces; it must have lines that begin with f")
     used, corner = np.unique(indices, return_inverse=True)
     return np.array(points, np.float64)[used], np.array(counts, np.int32), corner.astype(np.int32).reshape(-1)
+
+
+def grow_strands(points, counts, indices, number: int, length: float, segments: int = 8, where=None
+                 ) -> tuple[np.ndarray, np.ndarray]:
+    """Strands that stand on a surface, for `Scene.rods`: points (number (segments + 1), 3) float64 [m], strand behind strand,
+    root first, and the count of points of each. Roots are spread evenly over the area, the same in each call.
+
+    points (n, 3) [m], counts, indices: polygons, as of `Cloth`; length of a strand [m]; where: takes the middles of triangles
+    (t, 3) [m] and says which have hair, (t,) bool. Strands stand along normals, out of a closed surface. Raises ValueError
+    where a number is wrong, or no triangle has hair.
+    """
+    _require_positive_sizes(length=length)
+    _require_whole_counts(1, number=number, segments=segments)
+    x = np.asarray(points, np.float64)
+    X = x[triangulate_polygons(x, counts, indices)[0]]
+    N = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    if np.einsum("ij,ij", X[:, 0] - x.mean(axis=0), N) < 0.0:              # six times the volume, of faces wound inward
+        N = -N
+    size = np.linalg.norm(N, axis=1)
+    here = np.ones(len(X), bool) if where is None else np.asarray(where(X.mean(axis=1)), bool)
+    if here.shape != size.shape or not here.any():
+        raise ValueError(f"where is true of {np.count_nonzero(here)} of {len(X)} triangles; it must say so of each, and of one "
+                         f"or more; their middles lie between {X.mean(axis=1).min(0).round(3).tolist()} and "
+                         f"{X.mean(axis=1).max(0).round(3).tolist()}")
+    k = np.arange(number)
+    total = np.cumsum(size * here)
+    t = np.searchsorted(total, (k + 0.5) / number * total[-1])
+    u, v = (np.mod(0.5 + k * step, 1.0)[:, None] for step in (0.7548776662466927, 0.5698402909980532))    # Roberts 2018, R2
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    root = X[t, 0] + u * (X[t, 1] - X[t, 0]) + v * (X[t, 2] - X[t, 0])
+    s = np.linspace(0.0, length, segments + 1)
+    strands = root[:, None] + s[:, None] * (N[t] / size[t, None])[:, None]
+    return strands.reshape(-1, 3), np.full(number, segments + 1, np.int32)

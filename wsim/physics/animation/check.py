@@ -33,7 +33,7 @@ def check(thing: Skeleton, scene: Scene) -> Iterator[Problem]:
             if len(skin.points) != len(shape.points):
                 yield thing_error(collider.path, f"{len(skin.points)} skinned points", f"{len(shape.points)}, as many as "
                                    "its shape has", "give it the points at the start: Surface(skin.at(0.0), ...)")
-    for pin in scene.pins:
+    for pin in scene.all_pins():
         if isinstance(pin.follows, Follow) and pin.follows.skin.skeleton is thing:
             yield from _check_following_pin(pin.path, pin.follows, len(pin.points))
 

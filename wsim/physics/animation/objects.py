@@ -269,9 +269,14 @@ class Follow(ArrayDataclass):
         x = skin.skeleton.motion.points(skin.at(0.0))
         chosen = np.array([skinning.nearest_triangle(x[triangles], place) for place in np.asarray(places, np.float64)],
                           np.int32)
-        corners = np.asarray(triangles, np.int32)[chosen]
-        return Follow(skin, corners, skinning.triangle_coordinates(x[corners], np.asarray(places, np.float64)),
-                                 chosen if faces is None else np.asarray(faces)[chosen])
+        return Follow.over_triangles(skin, np.asarray(triangles, np.int32)[chosen], places,
+                                     chosen if faces is None else np.asarray(faces)[chosen])
+
+    @staticmethod
+    def over_triangles(skin: Skinned, corners: np.ndarray, places: np.ndarray, faces: np.ndarray) -> "Follow":
+        """The places at world places (k, 3) [m], each as it lies over its triangle (k, 3) of the mesh at the start."""
+        x = skin.skeleton.motion.points(skin.at(0.0))
+        return Follow(skin, corners, skinning.triangle_coordinates(x[corners], np.asarray(places, np.float64)), faces)
 
     def only_points(self) -> tuple[Skinned, np.ndarray]:
         """The skinned points that matter, and the corners among them."""
@@ -280,7 +285,15 @@ class Follow(ArrayDataclass):
 
     def over(self, times: np.ndarray) -> np.ndarray:
         """World places at some times [s], (times, k, 3) [m]."""
+        return self.frames(times)[..., :3, 3]
+
+    def frames(self, times: np.ndarray) -> np.ndarray:
+        """World frames at some times [s], (times, k, 4, 4) [m]: their origins are the places; x goes along the first edge of a
+        place's triangle and z along its normal. At a point, which has no triangle, they are turned as the skeleton is."""
         skin, corners = self.only_points()
+        x = skin.over(times)[:, corners]
+        found = np.tile(np.eye(4), (*x.shape[:2], 1, 1))
+        found[..., :3, :3] = skinning.triangle_axes(x)
+        found[..., :3, 3] = skinning.points_over_triangles(x, self.places)
         motion = self.skin.skeleton.motion
-        local = skinning.points_over_triangles(skin.over(times)[:, corners], self.places)
-        return np.stack([motion.points(x, t) for x, t in zip(local, times, strict=True)])
+        return np.stack([motion.at(t) @ frames for frames, t in zip(found, times, strict=True)])

@@ -201,6 +201,15 @@ def points_over_triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray
     return u * x0 + v * x1 + (1.0 - u - v) * x2 + h * n / np.where(size > 0.0, size, 1.0)
 
 
+def triangle_axes(corners: np.ndarray) -> np.ndarray:
+    """Rotations (..., 3, 3) of triangles (..., 3, 3): x along the first edge, z along the normal; 1 where there is no area."""
+    e = corners[..., 1, :] - corners[..., 0, :]
+    n = np.cross(e, corners[..., 2, :] - corners[..., 0, :])
+    size = np.linalg.norm(n, axis=-1)[..., None, None]
+    x, z = (v / np.where((length := np.linalg.norm(v, axis=-1, keepdims=True)) > 0.0, length, 1.0) for v in (e, n))
+    return np.where(size > 0.0, np.stack([x, np.cross(z, x), z], axis=-1), np.eye(3))
+
+
 def triangle_coordinates(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     """(u, v, h), (k, 3), of places x (k, 3) over triangles (k, 3, 3) that have an area."""
     x0, x1, x2 = (corners[:, c] for c in range(3))

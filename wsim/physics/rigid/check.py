@@ -68,7 +68,7 @@ def _check_pins_to_body(body: Body, scene: Scene) -> Iterator[Problem]:
     def is_in_prim(path: str, outer: str) -> bool:
         return path == outer or path.startswith(f"{outer}/")
     apart = [c.path for c in scene.colliders if is_in_prim(c.path, body.path)]
-    for pin in (p for holder in (scene, *scene.things("Rods")) for p in holder.pins):
+    for pin in scene.all_pins():
         if is_in_prim(pin.target, body.path) and not any(is_in_prim(pin.target, path) for path in apart):
             yield thing_error(pin.path, f"its target is {pin.target}, which moves with the rigid body {body.path}",
                                "what is still, animated or kinematic: points cannot be joined to a body that forces move, and "

@@ -7,7 +7,7 @@ from math import floor
 import numpy as np
 
 from wsim.physics.rods.objects import LEAST, Rods
-from wsim.scene import Collider, Motion, Problem, Scene, Surface
+from wsim.scene import Collider, Motion, Pin, Problem, Scene, Surface
 from wsim.scene.check.objects import NEAR, check_number, object_warning, thing_error, three_digits
 
 STOUT = 1.0           # length over diameter of an edge below which a strand is no thin rod
@@ -210,9 +210,18 @@ def _check_rod_pins(rods: Rods) -> Iterator[Problem]:
             yield thing_error(pin.path, f"its stiffness is {pin.stiffness:g} N/m", "inf: strands are held hard",
                                "take physics:stiffness off, or tie them otherwise")
         if pin.follows is not None:
-            yield thing_error(pin.path, f"holds strands of {rods.path} at a mesh that a skeleton moves", "an xform",
-                               "attach them to an Xform that goes with the joint; in Python, "
-                               "motion=skeleton.joint_motion(JOINT)")
+            yield from _check_skin_pin(pin)
         np.add.at(held, pin.points, 1)
     if (held > 1).any():
         yield thing_error(rods.path, f"point {int(np.argmax(held > 1))} is held by two pins", "one", "leave it to one of them")
+
+
+def _check_skin_pin(pin: Pin) -> Iterator[Problem]:
+    """Strands turn with triangles of skin: a point has no direction, and joints that bodies drive are not known before."""
+    skin, corners = pin.follows.skin, pin.follows.corners
+    if skin.skeleton.bodies:
+        yield thing_error(pin.path, f"holds strands at skin of {skin.skeleton.path}, whose joints rigid bodies drive",
+                           "a skeleton with keys", "give the joints keys, or attach the strands to an Xform")
+    if len(corners) == len(pin.points) and (corners[:, 0] == corners[:, 1]).any():
+        yield thing_error(pin.path, "holds strands at points of skin, which say no direction", "faces",
+                           'author physics:type1 = "face"; in Python, rods.pin_roots(path, collider)')

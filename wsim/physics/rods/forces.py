@@ -98,7 +98,7 @@ class StrandReactions:
         """Where pins put points at a time [m], (points, 3)."""
         t = self.strands.table
         held = [t.held[t.hold.ravel()[row]] for row in rows]
-        frames = {k: t.motions[k].at(time) for k, _, _ in held}
+        frames = t.frames(np.array([time]))[0]
         return np.stack([frames[k][:3, :3] @ place + frames[k][:3, 3] for k, place, _ in held])
 
     def _elastic_strand_forces(self) -> np.ndarray:

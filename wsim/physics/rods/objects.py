@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.scene import Pin
+from wsim.scene import Collider, Pin, Problem, SceneError, Surface, shapes
 from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
 from wsim.scene.curve import Motion
+from wsim.scene.methods import method_file
+from wsim.scene.solids import shape_row
 
 LEAST = 3                          # points of a strand that can bend
 
@@ -80,3 +82,44 @@ class Rods(ArrayDataclass):
         """Adds a pin of some points; see `Pin` for the fields."""
         self.pins.append(Pin(path, self.path, points, **more))
         return self.pins[-1]
+
+    def pin_roots(self, path: str, collider: Collider) -> Pin:
+        """Clamps the first two points of each strand to a collider, so that it grows from there. They go along with it; on a
+        mesh that a skeleton moves, each strand moves and turns with the face nearest to its root. Raises SceneError for a mesh
+        whose points are animated without a skeleton."""
+        first = np.cumsum(self.counts) - self.counts
+        points = np.stack([first, first + 1], axis=1).ravel()
+        mesh = collider.shape
+        if not isinstance(mesh, Surface) or mesh.poses is None:
+            return self.pin(path, points, target=collider.path, motion=collider.motion)
+        if not hasattr(mesh.poses, "skeleton"):
+            raise SceneError(Problem(path, f"holds strands at {collider.path}, whose points are animated; allowed are meshes "
+                                     "that a skeleton or a motion moves; fix: skin it, or pin the strands by motion=..."))
+        faces, skin = _first_corners(mesh), method_file("Skeleton", "objects")
+        x = self.motion.points(self.points, 0.0)
+        roots = skin.Follow.near(mesh.poses, faces, x[first])
+        return self.pin(path, points, target=collider.path, follows=skin.Follow.over_triangles(
+            mesh.poses, np.repeat(roots.corners, 2, axis=0), x[points], np.repeat(roots.faces, 2)))
+
+
+def _first_corners(surface: Surface) -> np.ndarray:
+    """The first three corners of each face, (faces, 3)."""
+    return surface.indices[(np.cumsum(surface.counts) - surface.counts)[:, None] + np.arange(3)]
+
+
+def grow_hair(path: str, collider: Collider, number: int, length: float, where, segments: int, more: dict) -> Rods:
+    """Rods that stand on a collider, clamped to it: see `Scene.hair`."""
+    if isinstance(collider.shape, Surface):
+        x = collider.shape.points if collider.shape.poses is None else collider.shape.poses.at(0.0)
+        counts, indices = collider.shape.counts, collider.shape.indices
+    else:
+        row = shape_row(collider.shape)
+        x, triangles = row.outline(row.given(collider.shape), 64)
+        counts, indices = np.full(len(triangles), 3), triangles.ravel()
+    try:
+        grown = shapes.grow_strands(collider.motion.points(x, 0.0), counts, indices, number, length, segments, where)
+    except ValueError as error:
+        raise SceneError(Problem(path, f"cannot grow on {collider.path}: {error}")) from None
+    hair = Rods(path, *grown, **more)
+    hair.pin_roots(f"{path}_roots", collider)
+    return hair

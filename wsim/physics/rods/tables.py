@@ -1,5 +1,8 @@
 """Strands of a scene on a device: constant tables, the start, and what pins hold (kernels/rods/tables.py)."""
 
+from dataclasses import dataclass, replace
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -7,6 +10,7 @@ from wsim.kernels.rods import tables
 from wsim.model.structs import fill_struct
 from wsim.physics.rods import shape
 from wsim.physics.rods.objects import Rods
+from wsim.scene.attachments import Pin
 from wsim.scene.curve import Motion
 
 
@@ -20,6 +24,24 @@ def rod_material_columns(rods: Rods) -> dict[str, np.ndarray]:
            "C": (rods.twist, 2.0 * shear * second)}
     found = {name: np.full(len(d), own) if own is not None else derived for name, (own, derived) in say.items()}
     return found | {"radius": 0.5 * d, "line": rods.density * area, "polar": 2.0 * rods.density * second}
+
+
+@dataclass(frozen=True)
+class SkinFrame:
+    """Frame of the triangle of skin that a strand grows from: the motion of one strand of a pin with `follows`.
+
+    roots    `Follow` of the first held point of each strand of the pin        row      of this strand
+    """
+
+    roots: Any
+    row: int
+
+    @property
+    def moves(self) -> bool:
+        return self.roots.moves
+
+    def at(self, time: float) -> np.ndarray:
+        return self.roots.frames(np.array([time]))[0, self.row]
 
 
 class StrandTable:
@@ -43,7 +65,8 @@ class StrandTable:
         self.origin = np.zeros((self.strands, 3))
         self.hold, self.clamped = np.full(shape2, -1, np.int32), np.zeros(shape2, np.int32)
         self.pins: list = []
-        self.motions: list[Motion] = []                                        # of those now, which may be set
+        self.motions: list[Motion | SkinFrame] = []                            # of those now, which may be set
+        self.start: list[np.ndarray] = []                                      # and their frames at the start
         self.pin_worlds: list[int] = []
         self.held: list[tuple[int, np.ndarray, np.ndarray]] = []       # (pin, place, director) a row
         for own, (rods, world) in zip(self.own, pairs, strict=True):
@@ -63,13 +86,9 @@ class StrandTable:
         where, pin_of = self._place(own), np.full(self.hold.size, -1)
         world = rods.motion.points(rods.points, 0.0)
         for pin in rods.pins:
-            k = len(self.pins)
-            self.pins.append(pin)
-            self.motions.append(pin.motion)
-            self.pin_worlds.append(number)
-            M = pin.motion.at(0.0)
-            places = pin.places if pin.places is not None else (world[pin.points] - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
-            for point, place in zip(pin.points.tolist(), np.asarray(places, np.float64), strict=True):
+            frame_of, places = self._add_pin_frames(pin, where[pin.points] % self.strands, world[pin.points])
+            self.pin_worlds += [number] * (len(self.pins) - len(self.pin_worlds))
+            for point, k, place in zip(pin.points.tolist(), frame_of, places, strict=True):
                 row = int(where[point])
                 if self.hold.flat[row] < 0:
                     self.hold.flat[row], pin_of[row] = len(self.held), k
@@ -77,6 +96,24 @@ class StrandTable:
         pin_of = pin_of.reshape(self.hold.shape)
         both = (pin_of[:-1] >= 0) & (pin_of[:-1] == pin_of[1:])
         self.clamped[:-1] |= both.astype(np.int32)
+
+    def _add_pin_frames(self, pin: Pin, strand: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Adds the frames of a pin: one, or, of one that follows skin, one for each strand. Returns the frame of each held
+        point, and its place there [m]. strand, x: strand and world place [m] of each."""
+        first = len(self.pins)
+        added: list[Motion | SkinFrame]
+        if pin.follows is None:
+            added, of, start = [pin.motion], np.zeros(len(strand), int), pin.motion.at(0.0)[None]
+        else:
+            _, root, of = np.unique(strand, return_index=True, return_inverse=True)
+            roots = replace(pin.follows, corners=pin.follows.corners[root], places=pin.follows.places[root], faces=None)
+            added = [SkinFrame(roots, k) for k in range(len(root))]
+            start, x = roots.frames(np.zeros(1))[0], pin.follows.over(np.zeros(1))[0]
+        self.pins += [pin] * len(added)
+        self.motions += added
+        self.start += list(start)
+        local = np.einsum("kij,kj->ki", np.linalg.inv(start[:, :3, :3])[of], x - start[of, :3, 3])
+        return first + of, local if pin.places is None else np.asarray(pin.places, np.float64)
 
     def _fill_strand_columns(self, rods: Rods, own: slice) -> None:
         """Strands of one count at a time: lengths, stiffnesses, masses, rest strains, start."""
@@ -125,8 +162,7 @@ class StrandTable:
         for i, k in np.argwhere(self.clamped):
             row = self.hold[i, k]
             pin, place, _ = self.held[row]
-            M = self.pins[pin].motion.at(0.0)
-            self.held[row] = pin, place, np.linalg.inv(M[:3, :3]) @ self.d[i, k]
+            self.held[row] = pin, place, np.linalg.inv(self.start[pin][:3, :3]) @ self.d[i, k]
 
     def air(self, density: float) -> tuple[np.ndarray, np.ndarray]:
         """Drag of edges over the speed squared, across and along [kg/m]; density: of the air [kg/m^3] (kernels/rods/air.py)."""
@@ -167,10 +203,14 @@ class StrandTable:
         found = np.tile(np.eye(4), (len(times), max(1, len(self.pins)), 1, 1))
         each: dict[int, list[int]] = {}
         for k, motion in enumerate(self.motions):
-            each.setdefault(id(motion), []).append(k)
+            each.setdefault(id(motion.roots if isinstance(motion, SkinFrame) else motion), []).append(k)
         for pins in each.values():
             motion = self.motions[pins[0]]
-            found[:, pins] = (motion.sampled(times) if motion.moves else motion.at(0.0)[None])[:, None]
+            if isinstance(motion, SkinFrame):
+                rows = [self.motions[k].row for k in pins]  # type: ignore[union-attr]
+                found[:, pins] = motion.roots.frames(times if motion.moves else times[:1])[:, rows]
+            else:
+                found[:, pins] = (motion.sampled(times) if motion.moves else motion.at(0.0)[None])[:, None]
         return found
 
     @property
@@ -180,7 +220,8 @@ class StrandTable:
 
     def move_pin(self, path: str, motion: Motion, world: int | None) -> bool:
         """Gives a pin another motion in one world or in all; False where there is no such pin."""
-        hit = [k for k, pin in enumerate(self.pins) if pin.path == path and world in (None, self.pin_worlds[k])]
+        hit = [k for k, pin in enumerate(self.pins) if pin.path == path and pin.follows is None and
+               world in (None, self.pin_worlds[k])]
         for k in hit:
             self.motions[k] = motion
         return bool(hit)

@@ -196,7 +196,7 @@ def _check_pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
 def _without_skeleton(scene: Scene) -> Iterator[Problem]:
     """What follows a skeleton that is not in the scene."""
     skins: list = [(c.path, getattr(c.shape, "poses", None)) for c in scene.colliders]
-    skins += [(p.path, p.follows.skin) for p in scene.pins if p.follows is not None]
+    skins += [(p.path, p.follows.skin) for p in scene.all_pins() if p.follows is not None]
     there = [id(bones) for bones in scene.things("Skeleton")]
     for path, skin in skins:
         if hasattr(skin, "skeleton") and id(skin.skeleton) not in there:
