@@ -208,6 +208,11 @@ class Scene(ArrayDataclass):
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 
+    def mpm_sink(self, path: str, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
+        """Adds a shape that takes particles of `mpm` away, at a place `at` (3,) [m] or with motion=...."""
+        more["motion"] = _motion_or_placement(path, at, more)
+        return self.add(method_file("MaterialSink", "objects").MaterialSink(path, shape, **more))
+
     def smoke_source(self, path: str, fluid, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a shape that smoke, heat or air comes from (`wsim.Source`) to a box of air, or its path; at a place `at` (3,)
         [m] or with motion=.... A `PointCloud` is the balls about many points."""

@@ -8,7 +8,6 @@ Names in `physics:` are those of UsdPhysics and of the deformable proposal of th
 """
 
 from dataclasses import dataclass
-from math import inf
 
 from wsim.scene.values import table
 
@@ -42,7 +41,7 @@ WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
 NEWTON_POINTS, NEWTON_MATERIAL, NEWTON_MPM_SCENE = "NewtonPointsDeformableSimAPI", "NewtonMPMMaterialAPI", "NewtonMPMSceneAPI"
 PHYSX_SET = "PhysxParticleSetAPI"
-WSIM_RODS, WSIM_GRAINS = "WsimRodsAPI", "WsimMaterialPointsAPI"
+WSIM_RODS, WSIM_GRAINS, WSIM_DRAIN = "WsimRodsAPI", "WsimMaterialPointsAPI", "WsimMaterialSinkAPI"
 WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
@@ -58,7 +57,7 @@ UNITS = {
     "kg": (0, 1),
     "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
     "K": (0, 0), "K/s": (0, 0), "1/K": (0, 0), "m^2/s": (2, 0), "kg m^2": (2, 1),
-    "kg/(m^2 s)": (-2, 1), "Pa s": (-1, 1), "m^3": (3, 0),
+    "kg/(m^2 s)": (-2, 1), "Pa s": (-1, 1), "m^3": (3, 0), "kg/s": (0, 1),
 }
 
 
@@ -200,7 +199,8 @@ OTHERS = (
         "young youngsModulus double Pa", "poisson poissonsRatio double 1", "model model token 1", "bulk bulkModulus double Pa",
         "exponent exponent double 1", "tension bearsTension bool 1", "compression_limit compressionLimit double 1",
         "tension_limit tensionLimit double 1", "hardening hardening double 1", "friction_angle frictionAngle double rad",
-        "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1"))),
+        "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1", "pour_start pourStart double 1",
+        "pour_end pourEnd double 1", "pour_rate pourRate double kg/s"))),
     AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
     AttributeEntry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
@@ -296,5 +296,3 @@ FEATURES = {
     "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "actuators of MuJoCo", "NewtonActuator": "actuators",
     "MjcTendon": "tendons of MuJoCo", "MjcEqualityJointAPI": "couplings of joints", "NewtonMimicAPI": "couplings of joints",
 }
-
-NO_LIMIT = inf

@@ -96,8 +96,9 @@ def block_functions(real) -> SimpleNamespace:
 
 
 @cache
-def block_kernels(real, module) -> SimpleNamespace:
-    """Kernels: mark, count, place over particles; near over 27 of each block, start over its four layers; settle over cells."""
+def block_kernels(real, module, flow: bool = False) -> SimpleNamespace:
+    """Kernels: mark, count, place over particles; near over 27 of each block, start over its four layers; settle over cells.
+    flow: particles come and go (flow.py)."""
     T, f, name = point_tables(real), block_functions(real), types(real).name
 
     def mark_blocks(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid):
@@ -106,7 +107,13 @@ def block_kernels(real, module) -> SimpleNamespace:
         j = points.j[p]
         k = points.k[p]
         row = points.row[p]
-        if p > 0:                                              # what shares the cell of the one before is marked by that
+        before = p > 0
+        if wp.static(flow):
+            if points.there[p] != 1:
+                return
+            if before:
+                before = points.there[p - 1] == 1
+        if before:                                             # what shares the cell of the one before is marked by that
             if points.i[p - 1] == i and points.j[p - 1] == j and points.k[p - 1] == k and points.row[p - 1] == row:
                 return
         world = materials.world[row]
@@ -117,6 +124,10 @@ def block_kernels(real, module) -> SimpleNamespace:
 
     def count_points(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid):
         p = wp.tid()
+        if wp.static(flow):
+            if points.there[p] != 1:
+                g.block[p] = -1
+                return
         i = points.i[p]
         j = points.j[p]
         k = points.k[p]
@@ -174,6 +185,6 @@ def block_kernels(real, module) -> SimpleNamespace:
                 m -= 1
             g.order[m] = p
 
-    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{name}", module=module, enable_backward=False)
+    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'flow_' * flow}{name}", module=module, enable_backward=False)
             for k in (mark_blocks, count_points, near_blocks, start_cells, place_points, settle_cells)}
     return SimpleNamespace(**made)

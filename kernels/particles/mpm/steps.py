@@ -23,14 +23,18 @@ TOO_LONG = wp.constant(1.5)        # rate of what a step leaves over its own, fr
 
 
 @cache
-def step_kernels(laws: tuple[str, ...], real, module) -> SimpleNamespace:
-    """Kernels: measure_pace over `threads` that take particles a stride apart; begin_steps, next_step, of one thread."""
+def step_kernels(laws: tuple[str, ...], real, module, flow: bool = False) -> SimpleNamespace:
+    """Kernels: measure_pace over `threads` that take particles a stride apart; begin_steps, next_step, of one thread. flow:
+    particles come and go (flow.py)."""
     t, T, f = types(real), point_tables(real), motion_functions(laws, real)
 
     def measure_pace(points: T.PointRows, materials: T.MaterialRows, dx: real, dt: real, threads: int,
                      pace: wp.array(dtype=real)):
         most = real(0.0)
         for p in range(wp.tid(), points.row.shape[0], threads):
+            if wp.static(flow):
+                if points.there[p] != 1:
+                    continue
             row = points.row[p]
             m = materials.numbers[row]
             g = dt * wp.length(materials.gravity[materials.world[row]])
@@ -66,7 +70,8 @@ def step_kernels(laws: tuple[str, ...], real, module) -> SimpleNamespace:
             pace[0] = pace[1]
             pace[1] = real(SLOWER) * pace[1]
 
-    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join(laws)}_{t.name}", module=module, enable_backward=False)
+    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join(laws)}_{'flow_' * flow}{t.name}", module=module,
+                                    enable_backward=False)
             for k in (measure_pace, begin_steps, next_step)}
     return SimpleNamespace(**made)
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from wsim.physics.contact.collider.point_cloud import PointCloud
+from wsim.physics.mpm.check_flow import check_pour, check_sink, check_start
 from wsim.physics.mpm.implicit.choice import (
     IMPLICIT_MATERIALS,
     INTEGRATORS,
@@ -14,17 +16,23 @@ from wsim.physics.mpm.implicit.choice import (
     has_implicit_steps,
     materials_of,
 )
-from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, Snow, Water
-from wsim.physics.mpm.seeding import place_particles
+from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, MaterialSink, Snow, Water
+from wsim.physics.mpm.seeding import coarsened, place_particles
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
 
 MOST = 100_000             # steps of a frame, as kernels/particles/mpm/steps.py
+LOOKS = 64                 # cells across a shape, at most, when its particles are looked at
 SPARSE = 1.5               # cells between points, beyond which what is whole comes apart
 
 
-def check(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
-    """Problems of one body."""
+def check(thing: MaterialPoints | MaterialSink, scene: Scene) -> Iterator[Problem]:
+    """Problems of one body, or of a sink."""
+    if isinstance(thing, MaterialSink):
+        yield from check_sink(thing, scene)
+        if not scene.things("MaterialPoints"):
+            yield object_warning(thing.path, "it is a sink, and there are no particles", "a body of `scene.mpm`", "add one")
+        return
     found = [*(problem for material in thing.materials for problem in check_material(thing.path, material)),
              *check_number(thing.path, "cell", thing.cell, 0.0, True), *check_places(thing),
              *check_rigid_motion(thing.path, thing.motion, "put the scale into the shape's sizes")]
@@ -38,9 +46,15 @@ def check(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     if not any(problem.fatal for problem in [*found, *wrong]):
         for material in thing.materials:
             yield from check_step(thing, material, scene)
-        if thing.points is None and not len(place_particles(thing).x):
+        if thing.pour:
+            found = list(check_pour(thing, scene))
+            yield from found
+        elif thing.points is None and not len(place_particles(coarsened(thing, LOOKS)).x):
             yield thing_error(thing.path, f"its shape holds no particle: cells are {thing.cell:g} m",
                                "a shape of a cell or more", "give smaller cells, or a larger shape")
+            return
+        if not any(problem.fatal for problem in found):
+            yield from check_start(thing, scene)
 
 
 def check_material(path: str, m: Any) -> Iterator[Problem]:
@@ -76,10 +90,12 @@ def check_places(thing: MaterialPoints) -> Iterator[Problem]:
         has = "neither a shape nor points" if points is None else "a shape and points"
         yield thing_error(path, f"it has {has}", "one of them", "give a shape, or points and volumes")
     elif points is None:
-        known = [each.shape for each in solids.SOLIDS]
+        known = [each.shape for each in solids.SOLIDS] + [PointCloud] * bool(thing.pour)
         if isinstance(thing.shape, solids.Plane) or not isinstance(thing.shape, (Surface, *known)):
             yield thing_error(path, f"its shape is a {type(thing.shape).__name__}", "a closed shape, or a closed Surface",
                                "give it one of these")
+    elif thing.pour:
+        yield thing_error(path, "it has points, and pours", "a shape that pours", "give a PointCloud of balls about the points")
     elif thing.volumes is None:
         yield thing_error(path, "its points have no volume", "volumes [m^3], one number or one a point",
                            f"give volumes={(0.5 * thing.cell) ** 3:.3g} where 8 points are in a cell", lacks=True)

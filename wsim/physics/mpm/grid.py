@@ -33,17 +33,20 @@ def key_bits(worlds: int) -> int:
 
 
 class SparseGrid:
-    """points, materials: structs of the particles. colliders: the scene's `ColliderTable`, or None."""
+    """points, materials: structs of the particles. colliders: the scene's `ColliderTable`, or None. flow: a `MaterialFlow`
+    where particles come and go, else None."""
 
     shift = 0.0            # of nodes from multiples of dx of the world [cells]
+    waves = True           # steps are as short as waves need
 
-    def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int):
-        self.model, self.count, self.dx, self.colliders = model, count, dx, colliders
+    def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int,
+                 flow: Any = None):
+        self.flow, self.model, self.count, self.dx, self.colliders = flow, model, count, dx, colliders
         self.cuda, self.gathers = model.device.is_cuda, gathers(model.device)
         self.module = module = model.module_of(BLOCK) if self.cuda else model.module
         real, kinds = model.real, colliders.kinds if colliders else ()
         self.real, self.tables = real, point_tables(real)
-        self.by_block, self.by_step = block_kernels(real, module), step_kernels(laws, real, module)
+        self.by_block, self.by_step = block_kernels(real, module, bool(flow)), step_kernels(laws, real, module, bool(flow))
         self.measure_energy = energy_kernel(laws, real, module)
         self._make_kernels(laws, kinds)
         self.solve_word: Any = None            # of the frame's status, where steps are solved for
@@ -51,15 +54,20 @@ class SparseGrid:
         self.materials: Any = None
         self.clock, self.pace, self.more = (self.zeros(n) for n in (2, 2, 1))
         self.going = self.zeros(1, int)
-        self.own = {name: self.zeros(count, int) for name in ("order", "block", "rank")}
-        kept = count if self.gathers else 0
-        self.rows = fill_struct(self.tables.SortedRows, **{name: self.zeros(kept, types(real).vec4) for name in "mxyz"})
         self.used = self.zeros(2, int)
         if colliders:
             self.wall_rows = colliders.rows
         else:
             from wsim.kernels.contact.collider.colliders import collider_type as wall_table
             self.wall_rows = wall_table(real)()
+        self.make_particle_room(count, blocks)
+
+    def make_particle_room(self, count: int, blocks: int) -> None:
+        """Arrays for so many particles and blocks."""
+        self.count = count
+        self.own = {name: self.zeros(count, int) for name in ("order", "block", "rank")}
+        kept = count if self.gathers else 0
+        self.rows = fill_struct(self.tables.SortedRows, **{name: self.zeros(kept, types(self.real).vec4) for name in "mxyz"})
         self.make_room(blocks)
 
     def _make_kernels(self, laws: tuple[str, ...], kinds: tuple[str, ...]) -> None:
@@ -110,8 +118,21 @@ class SparseGrid:
         threads = min(self.count, MEASURERS if self.cuda else 1)
         self.launch(self.by_step.measure_pace, threads,
                     [self.points, self.materials, real(self.dx), real(dt), threads, self.pace])
+        if self.flow:
+            self.flow.launch_frame(self)
         self.launch(self.by_step.begin_steps, 1, [real(dt), self.more, self.pace, self.clock, self.going])
-        wp.capture_while(self.going, lambda: self.take_step(dt, word))
+        self.run_steps(dt, word)
+
+    def run_steps(self, dt: float, word: Any) -> None:
+        """Launches steps as long as the clock goes on."""
+        wp.capture_while(self.going, lambda: self._take_step_with_flow(dt, word))
+        if self.flow:                                          # what comes and goes in the last step
+            self.flow.launch_step(self)
+
+    def _take_step_with_flow(self, dt: float, word: Any) -> None:
+        if self.flow:
+            self.flow.launch_step(self)
+        self.take_step(dt, word)
 
     def take_step(self, dt: float, word: Any) -> None:
         """Launches one step."""

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from wsim.physics.mpm.flow import tally_flow
 from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 
@@ -26,10 +27,15 @@ def measure_bodies(method: Any) -> dict[str, float]:
     said = method.status.said("mpm: grid")
     kinetic = 0.5 * float(m @ np.sum(v * v, axis=1))
     height = float(m @ ((x - method.corner) @ method.gravity[0]))
-    elastic = float(method.elastic_energy()[:len(method.order)].sum())
+    own = np.concatenate([method.part.rows[thing.path, 0] for thing in method.things])
+    elastic = float(method.elastic_energy()[own].sum())
     found = {"mpm_energy": kinetic - height + elastic, "mpm_kinetic": kinetic, "mpm_elastic": elastic,
-             "mpm_momentum": float(np.linalg.norm(m @ v)), "mpm_speed": float(np.sqrt(np.max(np.sum(v * v, axis=1)))),
+             "mpm_momentum": float(np.linalg.norm(m @ v)),
+             "mpm_speed": float(np.sqrt(np.max(np.sum(v * v, axis=1), initial=0.0))),
              "mpm_steps": float(said[3]), "mpm_cell_particles": float(said[1])}
     if method.grid.colliders:
         found["mpm_penetration"] = deepest_point(method.grid.colliders.things, x, method.time)
+    if method.flow:
+        there = [method.part.arrays["there"].numpy()[method.part.rows[thing.path, 0]] for thing in method.things]
+        found |= tally_flow(method.things, method.flow.sinks, there, [method.masses(k) for k in range(len(there))])
     return found

@@ -14,12 +14,21 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
-from wsim.physics.contact.collider.table import ColliderTable
+from wsim.physics.contact.collider.table import ColliderTable, kind_names
+from wsim.physics.mpm.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
 from wsim.physics.mpm.grid import MORE, SparseGrid
 from wsim.physics.mpm.implicit.choice import chosen_integrator
+from wsim.physics.mpm.memory import refuse_large_bodies
 from wsim.physics.mpm.objects import MaterialPoints
 from wsim.physics.mpm.results import particle_sample
-from wsim.physics.mpm.seeding import count_blocks, locality_order, nearest_nodes, place_particles
+from wsim.physics.mpm.seeding import (
+    PlacedPoints,
+    count_blocks,
+    locality_order,
+    nearest_nodes,
+    place_particles,
+    place_poured,
+)
 from wsim.scene.samples import Sample
 
 if TYPE_CHECKING:
@@ -42,6 +51,8 @@ FIELDS = (
 )
 WORD, SOLVE_WORD = "mpm: grid", "mpm: solve"
 SOLVE_WORDS = 3            # iterations, steps whose residual was missed, worst residual [% of the tolerance]
+THERE = StateField("there", "1", True, "0: it has not come yet, 1: it is there, 2 + k: sink k has taken it", "int")
+POURED = 128               # particles of what pours that a block of cells is reserved for; a full one holds 512
 SPARE = 1.5                # room for blocks over those at the start
 
 
@@ -65,8 +76,8 @@ def grid_class(things: list[MaterialPoints], fps: float) -> type[SparseGrid]:
 
 def signature(b: Any) -> list:
     """Part of a scene's bodies that decides kernels."""
-    things = b.scene.things("MaterialPoints")
-    return [law_names(things), chosen_integrator(things, b.scene.fps)]
+    things, sinks = b.scene.things("MaterialPoints"), b.scene.things("MaterialSink")
+    return [law_names(things), chosen_integrator(things, b.scene.fps), any(thing.pour for thing in things), kind_names(sinks)]
 
 
 class MaterialPointMethod(Method):
@@ -75,13 +86,17 @@ class MaterialPointMethod(Method):
     def __init__(self, b: Build):
         super().__init__("mpm")
         self.model, self.status, self.things = b.model, b.status, b.scene.things("MaterialPoints")
-        self.cell = float(self.things[0].cell)
-        placed = [place_particles(thing) for thing in self.things]
+        self.cell, sinks = float(self.things[0].cell), b.scene.things("MaterialSink")
+        self.flow = (MaterialFlow(b.model, self.things, sinks, b.scene.fps, b.scene.frames)
+                     if sinks or any(thing.pour for thing in self.things) else None)
+        refuse_large_bodies(self.things, b)
+        placed = [self._place_thing(k) for k in range(len(self.things))]
         x = np.concatenate([each.x for each in placed])
         make_grid = grid_class(self.things, b.scene.fps)
         self.corner = self.cell * (np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell) + make_grid.shift)
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
-        self.order = locality_order(self.node)
+        self.times = np.concatenate([each.times for each in placed])
+        self.order = locality_order(self.node, self.times)
         self.volume = np.concatenate([each.volume for each in placed])
         counts = [len(each.x) for each in placed]
         self.thing_of = np.repeat(np.arange(len(placed)), counts)
@@ -94,19 +109,34 @@ class MaterialPointMethod(Method):
         self.part = self._allocate({"o": offset, **rates})
         b.state.add(self.part)
         colliders = ColliderTable(b.model, b.scene.colliders, self.corner) if b.scene.colliders else None
-        blocks = b.model.worlds * count_blocks(self.node)
-        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8)
+        blocks = b.model.worlds * (count_blocks(self.node) + np.count_nonzero(np.isfinite(self.times)) // POURED)
+        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8, self.flow)
         self._fill_tables(b)
+        if self.flow:
+            self.flow.make_kernels(self.laws, self.grid, self.corner)
+            self._fill_births()
         b.status.reserve(WORD, WORDS)
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
         self.more, self.time = MORE, 0.0
         self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
 
+    def _place_thing(self, k: int) -> PlacedPoints:
+        """Particles of a body, or those that it pours."""
+        return place_poured(self.flow.plan(k)) if self.flow and k in self.flow.shapes else place_particles(self.things[k])
+
+    def _fill_births(self) -> None:
+        """The table of what comes, of all worlds."""
+        assert self.flow is not None
+        if self.flow.shapes:
+            waits = [(self.part.rows[self.things[k].path, world], self.times[self.thing_of == k])
+                     for k in self.flow.shapes for world in range(self.model.worlds)]
+            self.flow.fill_births(*(np.concatenate(each) for each in zip(*waits, strict=True)))
+
     def _allocate(self, start: dict[str, np.ndarray]) -> StatePart:
         """The particles of all worlds, world behind world."""
         worlds, n, order = self.model.worlds, len(self.order), self.order
-        part = StatePart.allocate("mpm", FIELDS, worlds * n, self.model.real, self.model.device)
+        part = StatePart.allocate("mpm", (*FIELDS, *[THERE] * bool(self.flow)), worlds * n, self.model.real, self.model.device)
         self.place = np.empty(n, np.int64)                     # row of each particle of a world
         self.place[order] = np.arange(n)
         mu_lam = np.array([material.numbers()[:2] for material in self.materials])
@@ -115,6 +145,8 @@ class MaterialPointMethod(Method):
             part.arrays[name].assign(np.concatenate([values[order]] * worlds).astype(self.model.dtype))
         for axis, name in enumerate("ijk"):
             part.arrays[name].assign(np.tile(self.node[order, axis], worlds).astype(np.int32))
+        if self.flow:
+            part.arrays["there"].assign(np.tile(np.isneginf(self.times[order]), worlds).astype(np.int32))
         for k, thing in enumerate(self.things):
             own = self.place[self.thing_of == k]
             part.rows |= {(thing.path, world): world * n + own for world in range(worlds)}
@@ -127,9 +159,7 @@ class MaterialPointMethod(Method):
         rows = (np.arange(worlds)[:, None] * count + self.material_of[self.order]).ravel()
         t, materials = self.model.dtype, self.materials
         vec3 = self.part.arrays["v"].dtype
-        self.grid.points = fill_struct(tables.PointRows, row=model.upload(rows.astype(np.int32), int),
-                                       volume=model.upload(np.tile(self.volume[self.order], worlds).astype(t), model.real),
-                                       **self.part.arrays)
+        self._fill_points(rows, np.tile(self.volume[self.order], worlds))
         numbers = np.array([m.numbers() for m in materials] * worlds, t)
         self.grid.materials = fill_struct(
             tables.MaterialRows, numbers=model.upload(numbers, tables.vec8),
@@ -137,6 +167,12 @@ class MaterialPointMethod(Method):
             world=model.upload(np.repeat(np.arange(worlds), count).astype(np.int32), int),
             density=model.upload(np.array([m.density for m in materials] * worlds, t), model.real),
             gravity=model.upload(self.gravity.astype(t), vec3))
+
+    def _fill_points(self, rows: np.ndarray, volume: np.ndarray) -> None:
+        """The table of particles: material rows and volumes of all rows."""
+        model, self.constants = self.model, (rows, volume)
+        self.grid.points = fill_struct(self.grid.tables.PointRows, row=model.upload(rows.astype(np.int32), int),
+                                       volume=model.upload(volume.astype(model.dtype), model.real), **self.part.arrays)
 
     # frames
 
@@ -148,7 +184,17 @@ class MaterialPointMethod(Method):
         if self.grid.colliders:
             self.grid.colliders.pose(time, clock.dt)
             self.evaluates["poses"] = list(self.grid.colliders.moved)
+        if self.flow:
+            frame = round(time * self.flow.fps)
+            if self.flow.lacks_rows(frame):
+                reserve_further_rows(self, frame)
+                self.moved = True
+            self.flow.pose(time, clock.dt)
         self.grid.more.fill_(self.more)
+
+    def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        if self.flow:
+            fit_restored_rows(self, fields)
 
     def run_stage(self, clock: Clock) -> None:
         self.grid.solve_word = self.status.word(SOLVE_WORD)
@@ -191,18 +237,28 @@ class MaterialPointMethod(Method):
 
     def read_particles(self, k: int, world: int = 0) -> dict[str, np.ndarray]:
         """Particles of body k of a world in the author's order: x (n, 3) [m], v (n, 3) [m/s], m (n,) [kg], float64."""
-        rows, arrays = self.part.rows[self.things[k].path, world], self.part.arrays
+        rows, arrays, there = self.part.rows[self.things[k].path, world], self.part.arrays, self.which_are_there(k, world)
+        rows = rows if there is None else rows[there]
         node = np.stack([arrays[name].numpy()[rows] for name in "ijk"], axis=1).astype(np.float64)
         x = self.corner + self.cell * (node + arrays["o"].numpy()[rows].astype(np.float64))
+        mass = self.masses(k)
+        return {"x": x, "v": arrays["v"].numpy()[rows].astype(np.float64), "m": mass if there is None else mass[there]}
+
+    def masses(self, k: int) -> np.ndarray:
+        """Masses of all particles of body k [kg], those that are to come and that have gone too."""
         own = self.thing_of == k
-        mass = np.array([material.density for material in self.materials])[self.material_of[own]] * self.volume[own]
-        return {"x": x, "v": arrays["v"].numpy()[rows].astype(np.float64), "m": mass}
+        return np.array([material.density for material in self.materials])[self.material_of[own]] * self.volume[own]
+
+    def which_are_there(self, k: int, world: int = 0) -> np.ndarray | None:
+        """Which particles of body k are there, (n,) bool; None: all."""
+        rows = self.part.rows[self.things[k].path, world]
+        return self.part.arrays["there"].numpy()[rows] == 1 if self.flow else None
 
     def samples(self, world: int = 0) -> list[Sample]:
         found: list[Sample] = []
         for k, thing in enumerate(self.things):
             now = self.read_particles(k, world)
-            found.append(particle_sample(thing, now, self.volume[self.thing_of == k]))
+            found.append(particle_sample(thing, now, self.volume[self.thing_of == k], self.which_are_there(k, world)))
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
@@ -215,7 +271,8 @@ class MaterialPointMethod(Method):
         """Elastic energy of each row [J]."""
         out = self.grid.zeros(self.part.count)
         self.grid.launch(self.grid.measure_energy, self.part.count, [self.grid.points, self.grid.materials, out])
-        return out.numpy().astype(np.float64)
+        found = out.numpy().astype(np.float64)
+        return found if not self.flow else np.where(self.part.arrays["there"].numpy() == 1, found, 0.0)
 
     def set_value(self, path: str, name: str, value: Any, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -136,6 +137,34 @@ def named_material(material: Any) -> Any:
     return MATERIALS[material]() if isinstance(material, str) and material in MATERIALS else material
 
 
+@dataclass(frozen=True)
+class Pour:
+    """When and how much a shape pours, as in `Pour(start=0.5, end=2.0, rate=3.0)`.
+
+    start   [s] from the scene's start
+    end     [s]; inf: without end
+    rate    mass a time [kg/s]; None: as much as its cross-section carries at the velocity
+    """
+
+    start: float = 0.0
+    end: float = inf
+    rate: float | None = None
+
+
+@dataclass(eq=False)
+class MaterialSink(ArrayDataclass):
+    """A shape that takes particles away, as in `scene.mpm_sink("/drain", Box((0.2, 0.1, 0.2)), at=(0, -1, 0))`.
+
+    path     prim path
+    shape    as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface
+    motion   own frame to world over time, rigid, lengths [m]
+    """
+
+    path: str
+    shape: Any
+    motion: Motion = field(default_factory=Motion.still)
+
+
 @dataclass(eq=False)
 class MaterialPoints(ArrayDataclass):
     """A body of particles that breaks, pours and piles up, as in `scene.mpm("/jelly", Box((0.1, 0.1, 0.1)), at=(0, 1, 0),
@@ -151,6 +180,8 @@ class MaterialPoints(ArrayDataclass):
     volumes    of each of the points, (n,) or one number [m^3]
     velocity   at the start, world (3,) [m/s], or of each of the points (n, 3)
     spin       at the start, about the centre of mass, world (3,) [rad/s]
+    pour       `Pour`: the shape is empty at the start, and pours with the velocity, which then points along its own axes and
+               turns with it; a motion may carry it; a `PointCloud` is a shape of balls. None: it is full at the start
     further    more materials, of which `which` chooses
     which      of each of the points, (n,): 0 is `material`, k is the k-th of `further`; None: all are of `material`
     widths     diameters in results, of all or of each of the points [m]; None: of balls of the volumes
@@ -168,6 +199,7 @@ class MaterialPoints(ArrayDataclass):
     volumes: np.ndarray | None = None
     velocity: np.ndarray | None = None
     spin: np.ndarray | None = None
+    pour: Pour | None = None
     further: tuple = ()
     which: np.ndarray | None = None
     widths: np.ndarray | None = None

@@ -1,12 +1,13 @@
 """Places, volumes and velocities of particles as a scene starts: a lattice of 2 x 2 x 2 of each cell within a shape, or points
 that are given. Then the order in which the device has them: cell by cell, block by block. NumPy only."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate_polygons
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
+from wsim.physics.mpm.pouring import PouredPoints
 from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 
@@ -16,12 +17,14 @@ SKIN = 1e-6                # cells: what is nearer to a surface is not within
 
 @dataclass
 class PlacedPoints:
-    """x [m] world (n, 3), volume [m^3] (n,), v [m/s] (n, 3), gradient of v [1/s] (n, 3, 3), all float64."""
+    """x [m] world (n, 3), volume [m^3] (n,), v [m/s] (n, 3), gradient of v [1/s] (n, 3, 3), times when they come [s] (n,),
+    minus infinity of those that are there at the start; all float64."""
 
     x: np.ndarray
     volume: np.ndarray
     v: np.ndarray
     C: np.ndarray
+    times: np.ndarray
 
 
 def shape_bounds(thing: MaterialPoints) -> tuple[np.ndarray, np.ndarray]:
@@ -34,6 +37,14 @@ def shape_bounds(thing: MaterialPoints) -> tuple[np.ndarray, np.ndarray]:
         return points.min(axis=0), points.max(axis=0)
     reach = float(shape_row(thing.shape).ball(thing.shape))
     return M[:3, 3] - reach, M[:3, 3] + reach
+
+
+def coarsened(thing: MaterialPoints, across: int) -> MaterialPoints:
+    """A thing of a shape with cells so large that it is no more than so many across; other things as they are."""
+    if thing.points is not None:
+        return thing
+    low, high = shape_bounds(thing)
+    return replace(thing, cell=max(thing.cell, float((high - low).max()) / across))
 
 
 def fill_shape(thing: MaterialPoints) -> np.ndarray:
@@ -63,7 +74,12 @@ def place_particles(thing: MaterialPoints) -> PlacedPoints:
     W = np.stack([np.cross(np.asarray(thing.spin, np.float64), e) for e in np.eye(3)], axis=1)        # W r = spin x r
     center = np.average(x, axis=0, weights=volume) if len(x) else np.zeros(3)
     v = np.asarray(thing.velocity, np.float64) + (x - center) @ W.T
-    return PlacedPoints(x, volume, v, np.broadcast_to(W, (len(x), 3, 3)).copy())
+    return PlacedPoints(x, volume, v, np.broadcast_to(W, (len(x), 3, 3)).copy(), np.full(len(x), -np.inf))
+
+
+def place_poured(poured: PouredPoints) -> PlacedPoints:
+    """Particles that come later."""
+    return PlacedPoints(poured.x, poured.volume, poured.v, np.zeros((len(poured.x), 3, 3)), poured.t)
 
 
 def nearest_nodes(x: np.ndarray, corner: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -73,10 +89,11 @@ def nearest_nodes(x: np.ndarray, corner: np.ndarray, cell: float) -> tuple[np.nd
     return node.astype(np.int64), at - node
 
 
-def locality_order(node: np.ndarray) -> np.ndarray:
-    """Order of particles by block, then by cell, then as they come."""
-    block = node // SIDE
-    return np.lexsort((node[:, 2], node[:, 1], node[:, 0], block[:, 2], block[:, 1], block[:, 0]))
+def locality_order(node: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Order of particles by block, then by cell, then as they come; what comes later by its times [s], behind them."""
+    block, later = node // SIDE, np.isfinite(times)
+    node, block = (np.where(later[:, None], 0, each) for each in (node, block))
+    return np.lexsort((node[:, 2], node[:, 1], node[:, 0], block[:, 2], block[:, 1], block[:, 0], times))
 
 
 def count_blocks(node: np.ndarray) -> int:

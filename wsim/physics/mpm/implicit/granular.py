@@ -26,7 +26,7 @@ OMEGA = 1.0                # over-relaxation
 class GranularGrid(explicit.SparseGrid):
     """A `SparseGrid` of sand alone. Corners of cells lie at multiples of dx, and so on a floor there."""
 
-    shift = 0.5
+    shift, waves = 0.5, False
 
     def _make_kernels(self, laws: tuple[str, ...], kinds: tuple[str, ...]) -> None:
         real, module = self.real, self.module
@@ -58,7 +58,7 @@ class GranularGrid(explicit.SparseGrid):
         self.launch(self.by_grain.measure_speed, threads,
                     [self.points, self.materials, real(self.dx), real(dt), threads, self.pace])
         self.launch(self.by_step.begin_steps, 1, [real(dt), self.more, self.pace, self.clock, self.going])
-        wp.capture_while(self.going, lambda: self.take_step(dt, word))
+        self.run_steps(dt, word)
 
     def take_step(self, dt: float, word: Any) -> None:
         self.sort_cells(word)

@@ -3,13 +3,14 @@ A GeomSubset of points has another material where WsimMaterialPointsAPI is appli
 bound to it. Points of Newton and of PhysX are read as well: newton.py, physx.py."""
 
 from dataclasses import fields
+from math import inf
 from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from wsim.physics.contact.collider.cloud_usd import author_source_shape, has_source_shape, load_source_shape
-from wsim.physics.mpm.objects import MATERIALS, MaterialPoints
+from wsim.physics.mpm.objects import MATERIALS, MaterialPoints, MaterialSink, Pour
 from wsim.physics.mpm.usd.points import (
     author_display_colors,
     author_point_places,
@@ -24,14 +25,16 @@ from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
-OWN = ("cell", "velocity", "spin", "integrator")
+OWN, POURS = ("cell", "velocity", "spin", "integrator"), ("pour_start", "pour_end", "pour_rate")
 
 
-def load(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | None:
+def load(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | MaterialSink | None:
     """The body of a prim; None if it is broken (reported), or only says what a body is of."""
     if prim.IsA(UsdGeom.Subset) or prim.IsA(UsdShade.Material):
         return None
     apis = applied_schemas(prim)
+    if names.WSIM_DRAIN in apis:
+        return _load_sink(reading, prim)
     if names.WSIM_GRAINS in apis:
         return _load_own(reading, prim)
     if names.NEWTON_POINTS in apis:
@@ -45,7 +48,9 @@ def _load_own(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | None:
     path, units = str(prim.GetPath()), reading.units
     more: dict[str, Any] = {key: value for key in OWN
                             if (value := read_attribute(prim, "MaterialPoints", key, units)) is not None}
-    if prim.IsA(UsdGeom.Points):
+    if pour := _read_pour(prim, units):
+        more["pour"] = pour
+    if prim.IsA(UsdGeom.Points) and not pour:
         found = more | read_point_places(reading, prim)
         found["volumes"] = read_attribute(prim, "MaterialPoints", "volumes", units)
         chosen = read_material_subsets(reading, prim, len(found["points"]), lambda of: _material_of(reading, of))
@@ -59,6 +64,23 @@ def _load_own(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | None:
     if shape is None or material is None:
         return None
     return MaterialPoints(path, shape[0], motion=shape[1], material=material, colors=colors, **more)
+
+
+def _load_sink(reading: StageReading, prim: Usd.Prim) -> MaterialSink | None:
+    if prim.IsA(UsdGeom.Points) or not has_source_shape(prim):
+        kind = prim.GetTypeName() or "prim without a type"
+        reading.fail(prim.GetPath(), f"is a {kind} with {names.WSIM_DRAIN}; author it on a Plane, a closed shape or a closed Mesh")
+        return None
+    shape = load_source_shape(reading, prim)
+    return None if shape is None else MaterialSink(str(prim.GetPath()), shape[0], shape[1])
+
+
+def _read_pour(prim: Usd.Prim, units: StageUnits) -> Pour | None:
+    """When and how much a prim pours; None: it does not."""
+    start, end, rate = (read_attribute(prim, "MaterialPoints", name, units) for name in POURS)
+    if start is None and end is None and rate is None:
+        return None
+    return Pour(0.0 if start is None else units.time(start), inf if end is None else units.time(end), rate)
 
 
 def _material_of(reading: StageReading, prim: Usd.Prim) -> Any:
@@ -90,8 +112,13 @@ def read_own_material(reading: StageReading, prim: Usd.Prim) -> Any:
     return kind(**{key: value for key, value in values.items() if value is not None})
 
 
-def author(stage: Usd.Stage, thing: MaterialPoints, units: StageUnits) -> None:
-    """Writes a body."""
+def author(stage: Usd.Stage, thing: MaterialPoints | MaterialSink, units: StageUnits) -> None:
+    """Writes a body or a sink."""
+    if isinstance(thing, MaterialSink):
+        prim = author_source_shape(stage, thing, units)
+        UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
+        prim.AddAppliedSchema(names.WSIM_DRAIN)
+        return
     if thing.points is None:
         prim = author_source_shape(stage, thing, units)
         UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)       # its particles are drawn, not the shape
@@ -103,6 +130,11 @@ def author(stage: Usd.Stage, thing: MaterialPoints, units: StageUnits) -> None:
         author_own_material(author_subset(prim, f"part_{k}", np.flatnonzero(thing.which == k)), material, units)
     if thing.colors is not None:
         author_display_colors(prim, thing.colors)
+    if thing.pour:
+        times = units.code(thing.pour.start), units.code(thing.pour.end)
+        for name, value in zip(POURS, (*times, thing.pour.rate), strict=True):
+            if value not in (None, inf):
+                write_value(prim, "MaterialPoints", name, value, units)
     for field in OWN:
         value = getattr(thing, field)
         if field == "cell" or field == "integrator" and value != "auto" or np.shape(value) == (3,) and np.any(value):
