@@ -66,7 +66,7 @@ def check_sink(thing: MaterialSink, scene: Scene) -> Iterator[Problem]:
 
 
 def check_start(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
-    """An error of a body or of what pours where much of it begins within a solid, a convex collider."""
+    """An error of what pours into a solid, a convex collider, and a warning of a body that begins in one."""
     M, places = thing.motion.at(0.0), None
     for collider in scene.colliders:
         if isinstance(collider.shape, (Surface, PointCloud)):
@@ -78,7 +78,8 @@ def check_start(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
         deep = -shape_row(collider.shape).distance(collider.shape, (places - C[:3, 3]) @ C[:3, :3])
         if np.any(deep > DEEP * thing.cell):
             count = np.count_nonzero(deep > 0.0)
-            what = "it pours into" if thing.pour else "it begins within"
-            yield thing_error(thing.path, f"{what} {collider.path}: {count} of {len(places)} particles, up to "
-                               f"{deep.max():.3g} m deep", "places outside of colliders", "move it, or cut its shape")
+            say = thing_error if thing.pour else object_warning
+            yield say(thing.path, f"{'it pours into' if thing.pour else 'it begins within'} {collider.path}: {count} of "
+                      f"{len(places)} particles, up to {deep.max():.3g} m deep", "places outside of colliders",
+                      "move it, or cut its shape")
             return

@@ -69,7 +69,7 @@ def _load_own(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | None:
 def _load_sink(reading: StageReading, prim: Usd.Prim) -> MaterialSink | None:
     if prim.IsA(UsdGeom.Points) or not has_source_shape(prim):
         kind = prim.GetTypeName() or "prim without a type"
-        reading.fail(prim.GetPath(), f"is a {kind} with {names.WSIM_DRAIN}; author it on a Plane, a closed shape or a closed Mesh")
+        reading.fail(prim.GetPath(), f"is a {kind} with {names.WSIM_DRAIN}; author it on a Plane, a closed shape or Mesh")
         return None
     shape = load_source_shape(reading, prim)
     return None if shape is None else MaterialSink(str(prim.GetPath()), shape[0], shape[1])
