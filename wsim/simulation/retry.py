@@ -213,11 +213,11 @@ def _double_substeps(sim: Simulation, part: str, row: int) -> None:
 
 def _give_up_frame(sim: Simulation, remedy: Remedy) -> NoReturn:
     """The end of a frame that no step can finish; the simulation stands where it began, and may go on, set otherwise."""
-    from wsim.simulation.measure.diagnose import author_of_row
     sim.state.restore_snapshot()
+    from wsim.simulation.measure.diagnose import author_of_row
     path, where = author_of_row(sim.plan, remedy.part, remedy.row)
-    place = ", ".join(f"{x:.4g}" for x in sim.state.x.numpy()[remedy.row] + sim.model.body(path).origin)
-    raise SceneError(Problem(path, f"point {where} at ({place}) m {remedy.why}; frame {sim.frame + 1} was given up"))
+    at = "" if remedy.part != "points" else f" at {sim.state.x.numpy()[remedy.row] + sim.model.body(path).origin} m"
+    raise SceneError(Problem(path, f"point {where}{at} {remedy.why}; frame {sim.frame + 1} was given up"))
 
 
 def _switch_solver(sim: Simulation) -> bool:

@@ -26,7 +26,9 @@ import warp as wp
 from wsim.kernels.math.eigen import eigen_three, identity_like
 
 HARDENING = wp.constant(4.0)       # snow: largest exponent; 55 times as stiff
-OPENED = wp.constant(1.0)          # sand: largest opening, beyond it what has flown apart does not count
+OPENED = wp.constant(1.0)          # sand, water: largest opening, beyond it what has flown apart does not count
+PRESSED = wp.constant(-0.99)       # least s_i^2 - 1 of elastic laws, a tenth of the length; below it strain is not remembered:
+#                                    rounding would make B singular, and what is squeezed flat could not open again
 
 
 @wp.func
@@ -84,8 +86,20 @@ def from_principal(V: Any, d: Any):
 
 
 @wp.func
-def neo_hookean_respond(B: Any, q: Any, m: Any):
+def hold_pressed(B: Any):
+    """B with principal values above PRESSED, where it is pressed to a tenth of its volume: all of them are raised by the least
+    s_i^2 there may be, without a search for axes that all jelly would pay for."""
+    least = type(B[0, 0])(PRESSED)
+    held = B
+    if not determinant_strain(B) > least:
+        held = B + (type(least)(1.0) + least) * identity_like(B)
+    return held
+
+
+@wp.func
+def neo_hookean_respond(B_in: Any, q: Any, m: Any):
     two = type(q)(2.0)
+    B = hold_pressed(B_in)
     log_J = log_one_plus(determinant_strain(B)) / two
     tau = m[0] * B + (m[1] * log_J) * identity_like(B)
     a = m[0] * (two + wp.sqrt(wp.ddot(B, B))) + m[1] * (type(q)(1.0) + wp.abs(log_J))
@@ -119,7 +133,8 @@ def corotational_wave(r: Any, mu: Any, lam: Any):
 
 
 @wp.func
-def corotational_respond(B: Any, q: Any, m: Any):
+def corotational_respond(B_in: Any, q: Any, m: Any):
+    B = hold_pressed(B_in)
     d, V = eigen_three(B)
     r = stretch_strain(d)
     return B, q, from_principal(V, corotational_tau(r, m[0], m[1])), corotational_wave(r, m[0], m[1])
@@ -171,15 +186,16 @@ def sand_respond(B: Any, q: Any, m: Any):
     third = one / type(q)(3.0)
     d, V = eigen_three(B)
     e = d
+    flows = q != zero
     for i in range(3):
-        e[i] = type(q)(0.5) * log_one_plus(wp.max(d[i], type(q)(-0.9999)))
+        flows = flows or not d[i] > type(q)(PRESSED)
+        e[i] = type(q)(0.5) * log_one_plus(wp.max(d[i], type(q)(PRESSED)))
     bulk = type(q)(3.0) * m[1] + m[0] + m[0]                   # tr tau / tr e
     apex = zero                                                # tr e at which cohesion ends
     if m[2] > zero:
         apex = type(q)(3.0) * m[3] / (m[2] * bulk)
     volume = e[0] + e[1] + e[2] + q
     opened = zero
-    flows = q != zero
     if volume >= apex:
         opened = wp.min(volume - apex, type(q)(OPENED))
         flows = True
@@ -229,6 +245,7 @@ def water_respond(B: Any, q: Any, m: Any):
     p = m[1] / m[2] * exp_less_one(-m[2] * log_one_plus(J))
     if m[3] == zero:
         p = wp.max(p, zero)
+        J = wp.min(J, type(q)(OPENED))
     return zero * B, J, (-(one + J) * p) * identity_like(B), m[1] * wp.exp((one - m[2]) * log_one_plus(J))
 
 

@@ -223,7 +223,6 @@ def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, re
             if u[3, 0] > real(0.0):
                 way, v = wall.stop_particle(c, t.vec3(real(i), real(j), real(k)) + o, way, v, clock[1], h, g.dx)
         points.v[p] = v
-        points.C[p] = C
         need = f.deform_particle(points, materials, p, h, C, v, g.dx)
         f.shift_particle(points, p, i, j, k, o, way)
         if need > pace[1]:

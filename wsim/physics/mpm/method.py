@@ -53,7 +53,8 @@ WORD, SOLVE_WORD = "mpm: grid", "mpm: solve"
 SOLVE_WORDS = 3            # iterations, steps whose residual was missed, worst residual [% of the tolerance]
 THERE = StateField("there", "1", True, "0: it has not come yet, 1: it is there, 2 + k: sink k has taken it", "int")
 POURED = 128               # particles of what pours that a block of cells is reserved for; a full one holds 512
-SPARE = 1.5                # room for blocks over those at the start
+SPARE = 1.5                # room for blocks over those at the start, and over those that a frame lacks at first
+EACH = 8                   # blocks that the 27 nodes about a particle lie in, at most
 
 
 def build(b: Build) -> Method:
@@ -117,7 +118,7 @@ class MaterialPointMethod(Method):
             self._fill_births()
         b.status.reserve(WORD, WORDS)
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
-        self.more, self.time = MORE, 0.0
+        self.more, self.spare, self.time = MORE, SPARE, 0.0
         self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
 
@@ -177,7 +178,7 @@ class MaterialPointMethod(Method):
     # frames
 
     def choose_frame_form(self, clock: Clock) -> None:
-        self.more = MORE
+        self.more, self.spare = MORE, SPARE
 
     def before_frame(self, time: float, clock: Clock) -> None:
         self.time = time + clock.dt                            # where the frame ends [s]
@@ -205,15 +206,15 @@ class MaterialPointMethod(Method):
         if blocks > self.grid.blocks:
             return [Remedy("grow", lambda: self._make_room(blocks))]
         if crowd > int(CROWD):
-            return [self._give_up(0, f"{crowd} particles are in one cell of {self.cell:g} m, at most {int(CROWD)} may; give "
-                                     "smaller cells, a stiffer material, or room")]
+            return [self._give_up(self._find_crowd(), f"shares its cell of {self.cell:g} m with {crowd - 1} others, at most "
+                                  f"{int(CROWD) - 1} may; fix: give smaller cells, a stiffer material, or room")]
         if gone:
-            return [self._give_up(gone - 1, "a particle left the range of the grid; give a floor, or larger cells")]
+            return [self._give_up(gone - 1, "left the range of the grid; fix: give a floor, or larger cells")]
         if steps >= int(MOST):
-            return [self._give_up(0, f"the frame takes more than {int(MOST)} steps of the grid; give a softer material, larger "
-                                     "cells, or more frames a second")]
+            return [self._give_up(self._find_fastest(), f"needs more than {int(MOST)} steps a frame; fix: give a softer "
+                                  "material, a lower speed, larger cells, or more frames a second")]
         if excess:
-            self.more *= excess / 100.0
+            self.more *= max(excess / 100.0, 2.0)              # what jumps once may jump again
             self.grid.more.fill_(self.more)
             return [Remedy("again")]
         return []
@@ -227,10 +228,26 @@ class MaterialPointMethod(Method):
                  "give more frames a second, or larger cells")]
 
     def _give_up(self, row: int, why: str) -> Remedy:
-        return Remedy("stop", part="mpm", row=row, why=why)
+        arrays = self.part.arrays
+        node = np.array([arrays[name].numpy()[row] for name in "ijk"], np.float64)
+        x = self.corner + self.cell * (node + arrays["o"].numpy()[row])
+        return Remedy("stop", part="mpm", row=row, why=f"at ({', '.join(f'{c:.4g}' for c in x)}) m {why}")
+
+    def _find_crowd(self) -> int:
+        """A row of the particles of the fullest cell."""
+        node = np.stack([self.part.arrays[name].numpy() for name in "ijk"], axis=1)
+        _, first, count = np.unique(node, axis=0, return_index=True, return_counts=True)
+        return int(first[np.argmax(count)])
+
+    def _find_fastest(self) -> int:
+        """The row of the particle with the greatest speed, of itself or of its waves."""
+        speed = np.linalg.norm(self.part.arrays["v"].numpy(), axis=1)
+        density = self.grid.materials.density.numpy()[self.grid.points.row.numpy()]
+        return int(np.argmax(np.nan_to_num(speed + np.sqrt(self.part.arrays["a"].numpy() / density), nan=np.inf)))
 
     def _make_room(self, blocks: int) -> str:
-        self.grid.make_room(int(SPARE * blocks))
+        self.grid.make_room(min(int(self.spare * blocks), EACH * self.part.count))
+        self.spare *= 2.0                                      # few repeats for a frame that lacks more and more
         return f"particles spread over {blocks} blocks of cells, more than there was room for"
 
     # what is told and set

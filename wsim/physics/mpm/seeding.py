@@ -1,6 +1,7 @@
 """Places, volumes and velocities of particles as a scene starts: a lattice of 2 x 2 x 2 of each cell within a shape, or points
 that are given. Then the order in which the device has them: cell by cell, block by block. NumPy only."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 
 SIDE = 4                   # cells along an edge of a block, as kernels/particles/mpm/tables.py
+BLOCK = 16                 # lattice points along an edge of a block that is looked at as a whole
+BLOCKS = 256               # blocks that are looked at together: bounds the memory
 SKIN = 1e-6                # cells: what is nearer to a surface is not within
 
 
@@ -47,20 +50,42 @@ def coarsened(thing: MaterialPoints, across: int) -> MaterialPoints:
     return replace(thing, cell=max(thing.cell, float((high - low).max()) / across))
 
 
+def index_block(begin: np.ndarray, end: np.ndarray, stride: int = 1) -> np.ndarray:
+    """Whole numbers from begin up to end, three a row (n, 3), z fastest."""
+    return np.stack(np.meshgrid(*(np.arange(a, b, stride) for a, b in zip(begin, end, strict=True)), indexing="ij"),
+                    -1).reshape(-1, 3)
+
+
+def lattice_within(distance: Callable, begin: np.ndarray, end: np.ndarray, edge: float) -> np.ndarray:
+    """Indices (n, 3) of lattice points (index + 1/2) edge where distance(x) < 0, in the order of their numbers. Blocks whose
+    middle is farther from the shape than their corners are left out unseen: a long box takes no more memory than its points."""
+    corner = index_block(begin, end, BLOCK)
+    middle = (corner + 0.5 * BLOCK) * edge
+    corner = corner[distance(middle) < 0.5 * np.sqrt(3.0) * BLOCK * edge]
+    within = index_block(np.zeros(3, int), np.full(3, BLOCK))
+    found = [np.empty((0, 3), int)]
+    for first in range(0, len(corner), BLOCKS):
+        index = (corner[first:first + BLOCKS, None] + within).reshape(-1, 3)
+        found.append(index[distance((index + 0.5) * edge) < 0.0])
+    index = np.concatenate(found)
+    return index[np.lexsort(index.T[::-1])]
+
+
 def fill_shape(thing: MaterialPoints) -> np.ndarray:
     """Places of the lattice within a thing's shape, world (n, 3) [m]."""
     low, high = shape_bounds(thing)
     edge = thing.cell / ACROSS
     begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
     M, shape = thing.motion.at(0.0), thing.shape
-    index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(begin, end, strict=True)), indexing="ij"), -1).reshape(-1, 3)
-    x = (index + 0.5) * edge
     if not isinstance(shape, Surface):
-        return x[shape_row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) < -SKIN * thing.cell]
+        def distance(x: np.ndarray) -> np.ndarray:
+            return shape_row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) + SKIN * thing.cell
+        return (lattice_within(distance, begin, end, edge) + 0.5) * edge
     from wsim.geometry.tetra.inside import AxisRays
+    index = index_block(begin, end)
     triangles = triangulate_polygons(shape.points, shape.counts, shape.indices)[0]
     points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3]) / edge - 0.5
-    return x[AxisRays(points, triangles, begin, end - 1).inside(index)]
+    return (index[AxisRays(points, triangles, begin, end - 1).inside(index)] + 0.5) * edge
 
 
 def place_particles(thing: MaterialPoints) -> PlacedPoints:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wsim
-from wsim.physics.mpm.objects import Granular, Jelly
+from wsim.physics.mpm.objects import Granular, Jelly, Snow, Water
 
 
 def make_scene(**more):
@@ -224,3 +224,59 @@ def test_one_cell_size_for_all():
     scene.mpm("/b", wsim.Sphere(0.1), at=(1, 0, 0), cell=0.025)
     with pytest.raises(wsim.SceneError, match="give it cell=0.05"):
         wsim.Simulation(scene, device="cpu")
+
+
+def test_what_hits_far_faster_than_its_waves_is_finite_and_steps_grow_again():
+    """At 300 m/s onto a floor, 20 to 1000 times the speed of waves, all is pressed flat. Behind that no strain rate is left
+    that nothing resists: steps are as long as waves and speeds allow, within a factor."""
+    scene = on_floor()
+    materials = Jelly(5e3), Jelly(5e3, model="corotational"), Granular(1e2), Snow(5e3), Water(1e3)
+    for k, material in enumerate(materials):
+        scene.mpm(f"/m{k}", wsim.Box((0.05, 0.05, 0.05)), at=(k - 2, 0.3, 0), cell=0.05, velocity=(0, -300, 0),
+                  material=material)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(8)
+    m = find_method(simulation)
+    v, stiff = (np.abs(m.part.arrays[name].numpy()) for name in "va")
+    needed = (np.sqrt(stiff.max() / 400.0) + np.linalg.norm(v, axis=1).max()) / (0.5 * m.cell) / 60
+    assert np.isfinite(m.read_particles(4)["x"]).all() and m.indicators(None, None)["mpm_penetration"] == 0.0
+    assert int(m.status.said("mpm: grid")[3]) < 2.0 * needed + 4
+
+
+def test_a_frame_that_is_given_up_names_the_particle_and_the_fix():
+    """More in one cell than a node can count: one line, and the simulation stands where the frame began."""
+    scene = on_floor()
+    x = np.random.default_rng(0).uniform(-0.005, 0.005, (4200, 3))
+    scene.mpm("/heap", points=x + [0.05, 0.5, 0], volumes=1e-6, cell=0.05, material="sand")
+    add_specks(scene, 0.05)
+    simulation = wsim.Simulation(scene, device="cpu")
+    with pytest.raises(wsim.SceneError, match=r"/heap: point \d+ at \(0.05.* shares its cell .* fix: .*frame 1 was given up"):
+        simulation.step()
+    assert np.allclose(simulation.samples()[0].positions, x + [0.05, 0.5, 0], atol=1e-6)
+
+
+def test_points_piled_in_one_cell_stay_finite_with_the_same_bits():
+    def run():
+        scene = on_floor()
+        x = np.random.default_rng(0).uniform(-0.005, 0.005, (3000, 3))
+        scene.mpm("/heap", points=x + [0, 0.3, 0], volumes=1e-6, cell=0.05, material="sand")
+        add_specks(scene, 0.05)
+        simulation = wsim.Simulation(scene, device="cpu")
+        simulation.run(8)
+        return find_method(simulation).indicators(None, None)["mpm_cell_particles"], simulation.samples()[0].positions
+
+    (most, one), (_, two) = run(), run()
+    assert most >= 1000 and np.isfinite(one).all() and np.array_equal(one, two) and one[:, 1].min() >= 0.0
+
+
+def test_a_long_thin_box_is_filled_without_its_bounding_ball():
+    """10 m of a layer 5 cm deep: 1600 particles, of the 6e7 lattice points of a cube about it."""
+    import tracemalloc
+
+    from wsim.physics.mpm.objects import MaterialPoints
+    from wsim.physics.mpm.seeding import place_particles
+    tracemalloc.start()
+    x = place_particles(MaterialPoints("/a", wsim.Box((5.0, 0.025, 0.025)), cell=0.05)).x
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(x) == 400 * 2 * 2 and peak < 1e8
