@@ -14,7 +14,8 @@ come from the outside, never pass the root, and end at once at a plane. Only the
 nothing.
 
 A mesh is met by a ray, of Woop's watertight test, and by its nearest point at the way's end. An open mesh is met on both
-sides. A closed one only from outside: a point that is found inside may leave.
+sides. A closed one only from outside: a point that is found inside may leave. Meshes are in float32, so a point keeps
+a rounding from one even where it is to keep nothing: one that was put on a face may be behind it.
 """
 
 # Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
@@ -33,6 +34,7 @@ from wsim.kernels.math.real import types
 
 STEPS = 24               # Newton's, of a convex shape: they double the digits, but at a way that grazes they halve the rest
 NEAR = 0.01              # of the skin: so near is met
+ROUNDING = 2.0 ** -20    # least skin of a mesh, over the size of what is rounded to float32: eight times what is lost there
 AGAIN = 4                # faces of a closed mesh that a way may leave by before it enters one
 
 
@@ -92,8 +94,9 @@ def segment_queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return real(2.0), t.vec3()
 
     @wp.func(inline=False)
-    def mesh_hit(kind: int, mesh: wp.uint64, p: t.vec3, q: t.vec3, skin: real):
+    def mesh_hit(kind: int, mesh: wp.uint64, p: t.vec3, q: t.vec3, least: real):
         way = q - p
+        skin = wp.max(least, real(ROUNDING) * (wp.length(p) + wp.length(way)))
         if kind == SOLID:                                      # what is a rounding inside comes no further
             start = wp.mesh_query_point_no_sign(mesh, wp.vec3f(p), float(skin))
             if start.result:

@@ -86,6 +86,24 @@ def test_a_segment_along_a_face_touches_a_mesh_as_it_touches_a_box():
 
 
 @pytest.mark.parametrize("kind", ["solid", "sheet"])
+@pytest.mark.parametrize("real", [wp.float32, wp.float64], ids=["float32", "float64"])
+def test_points_that_press_on_a_mesh_without_a_skin_come_no_further(kind, real):
+    """Again and again from where they were stopped: that is a rounding before the face, on it, or behind it."""
+    mesh, rng = mesh_of_a_box(), np.random.default_rng(5)
+    box, row = Box((0.5, 0.3, 0.6)), shape_row(Box((1, 1, 1)))
+    x = rng.uniform(-1.2, 1.2, (2000, 3))
+    x = x[row.distance(box, x) > 1e-2]
+    for _ in range(8):
+        way = rng.uniform(-0.25, 0.25, x.shape) - x
+        s, _, _ = hits(kind, (0.0, 0.0, 0.0), mesh.id, x, x + way, 0.0, real)
+        x = x + s[:, None] * way
+        if real is wp.float32:
+            x = x.astype(np.float32).astype(float)
+        phi = row.distance(box, x)
+        assert phi.min() > 0.0 and phi.max() < 2.0**-20 * 5.0                  # a rounding of what points and ways are, 5 m
+
+
+@pytest.mark.parametrize("kind", ["solid", "sheet"])
 def test_a_mesh_is_met_where_its_box_is_and_an_open_one_from_both_sides(kind):
     mesh = mesh_of_a_box()
     p, q = segments()
