@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation", "gradient", "show", "fitting", "sweep",
           "bench", "cli", "__init__", "__main__")
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
-           "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
+           "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.nets.muscles"}                  # never each other
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
        "physics.rigid.joints.authored", "physics.rigid.joints.stacked",
        "physics.rigid.joints.filters.usd",

@@ -125,8 +125,8 @@ def test_the_first_substeps_last_about_a_hundredth():
 
 def test_colliders_tethers_and_limits_are_not_smooth(scene):
     assert scene_is_smooth(scene)
-    assert not scene_is_smooth(replace(scene, cloths=[replace(scene.cloths[0], tethers=True)]))
-    assert not scene_is_smooth(replace(scene, cloths=[replace(scene.cloths[0], material=Fabric(strain_limit=0.1))]))
+    assert not scene_is_smooth(scene.with_objects("Cloth", [replace(scene.cloths[0], tethers=True)]))
+    assert not scene_is_smooth(scene.with_objects("Cloth", [replace(scene.cloths[0], material=Fabric(strain_limit=0.1))]))
     scene.collider("/ball", Surface(*grid()))
     assert not scene_is_smooth(scene)
 

@@ -52,7 +52,7 @@ def test_a_live_density_is_that_of_the_scene(fall):
     sim.set("/sheet", "density", 250.0, world=1)
     sim.run(8)
     fabric = replace(scene.cloths[0].material, density=250.0)
-    heavy = replace(scene, frames=8, cloths=[replace(scene.cloths[0], material=fabric)])
+    heavy = replace(scene.with_objects("Cloth", [replace(scene.cloths[0], material=fabric)]), frames=8)
     np.testing.assert_allclose(sim.positions("/sheet", 1), motion(heavy)[-1], rtol=0.0, atol=1e-12)
     assert np.abs(sim.positions("/sheet", 0) - sim.positions("/sheet", 1)).max() > 1e-3
 
@@ -93,7 +93,7 @@ def test_warp_and_weft_are_found_apart(fall):
     """A weft that is twice the warp, from one value for both; what is fitted together keeps its ratio."""
     scene, _ = fall
     woven = replace(scene.cloths[0], material=replace(scene.cloths[0].material, weft=400.0))
-    x = motion(replace(scene, cloths=[woven], frames=12))
+    x = motion(replace(scene.with_objects("Cloth", [woven]), frames=12))
     found = fit(scene, seen(x, "/sheet", 1e-4), "stretch_warp,stretch_weft", settings=CPU)
     assert found.values == pytest.approx({"stretch_warp": 200.0, "stretch_weft": 400.0}, rel=1e-3)
     both, _ = parameters_of_names("stretch", [found.scene])
@@ -326,6 +326,6 @@ def test_a_file_of_another_mesh_or_without_the_frame_is_refused(files):
     scene = wsim.load(str(files / "sheet.usda"))
     with pytest.raises(SceneError, match="/sheet: has no frame 33"):
         read(files / "seen.usdc", scene, frames=[33])
-    coarse = replace(scene, cloths=[replace(scene.cloths[0], points=scene.cloths[0].points[:60])])
+    coarse = scene.with_objects("Cloth", [replace(scene.cloths[0], points=scene.cloths[0].points[:60])])
     with pytest.raises(SceneError, match="/sheet: has 64 points .* allowed is 60"):
         read(files / "seen.usdc", coarse)

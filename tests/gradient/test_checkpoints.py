@@ -47,7 +47,8 @@ def test_resident_memory_grows_by_no_more_than_is_said(springs, frames):
     points = np.array([[0.1 * i, 0.0, 0.003 * (i % 3)] for i in range(springs + 1)])
     edges = np.stack([np.arange(springs), np.arange(1, springs + 1)], axis=1)
     chain = Springs("/chain", points, edges, masses=0.01, stiffness=np.array([40.0]), damping=1e-3)
-    sim = Simulation(net(springs=[chain], integrator="leapfrog", substeps=2), device="cpu", precision="float64", gradients=True)
+    scene = net(objects={"Springs": [chain]}, integrator="leapfrog", substeps=2)
+    sim = Simulation(scene, device="cpu", precision="float64", gradients=True)
     for count in (2, frames):                     # the first compiles
         before, found = resident(), Recording(sim, count, "all")
         found.run()

@@ -29,8 +29,8 @@ def slow_but(names: list[str], *fast: str) -> list:
 def calm(**more) -> Scene:
     """Air that goes round, with a source that holds nothing: so nothing is constant along an axis."""
     scene = air(**{"n": (12, 8, 1), "sides": ("periodic",) * 6, "vorticity": 0.0, "viscosity": 0.0} | more)
-    del scene.others["Source"][1]
-    scene.others["Source"][0].velocity = None
+    del scene.objects["Source"][1]
+    scene.objects["Source"][0].velocity = None
     return scene
 
 
@@ -143,7 +143,7 @@ def test_a_source_over_time_makes_the_plume_that_is_wanted():
     keys, frames = np.linspace(0.0, 9 / 24.0, 5), (5, 9)
     wanted = np.array([0.4, 1.3, 0.2, 1.1, 0.7])
     scene = plume(9, viscosity=0.0)
-    scene.others["Source"][0].strength = Curve(keys, np.ones(5))
+    scene.objects["Source"][0].strength = Curve(keys, np.ones(5))
     r = recorded(scene, 9)
     (strength,) = inputs_by_name(r, ["/fire:strength"]).values()
     strength.write(wanted)
@@ -164,7 +164,7 @@ def test_a_source_over_time_makes_the_plume_that_is_wanted():
 def turning(rate: float = 3.0) -> Scene:
     """A ball that turns about its own axis in a sealed box: its openings stay, and its surface goes round."""
     scene = air(sides=("closed",) * 6, side_velocities=np.zeros((6, 3)), frames=2)
-    for source in scene.others["Source"]:
+    for source in scene.objects["Source"]:
         source.expansion = 0.0
     times = np.arange(3) / 24.0
     c, s = np.cos(rate * times), np.sin(rate * times)

@@ -232,7 +232,8 @@ def test_a_gradient_that_grows_is_said_with_its_rate():
     points = np.array([[0.0, 0, 0], [0.5, 1e-9, 0], [1.0, 0, 0]])
     chain = Springs("/chain", points, np.array([[0, 1], [1, 2]]), masses=0.1, stiffness=np.array([40.0]),
                     lengths=np.full(2, 0.75, np.float32))
-    scene = Scene(springs=[chain], pins=[Pin("/pin", "/chain", np.array([0, 2]))], fps=60, frames=40, gravity=(0, 0, 0),
+    scene = Scene(objects={"Springs": [chain]}, pins=[Pin("/pin", "/chain", np.array([0, 2]))], fps=60, frames=40,
+                  gravity=(0, 0, 0),
                   solver="explicit", integrator="leapfrog", substeps=20)
     sim = Simulation(scene, device="cpu", gradients=True)
     seed = np.zeros((3, 3))

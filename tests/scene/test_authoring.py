@@ -36,9 +36,9 @@ def test_a_file_keeps_them(tmp_path):
     scene = everything()
     wsim.save(scene, tmp_path / "all.usda")
     found = wsim.load(tmp_path / "all.usda")
-    assert {name: [thing.path for thing in things] for name, things in found.others.items()} == \
-           {name: [thing.path for thing in things] for name, things in scene.others.items()}
-    assert [found.things(name)[k] == thing for name, things in scene.others.items() for k, thing in enumerate(things)
+    assert {name: [thing.path for thing in things] for name, things in found.objects.items()} == \
+           {name: [thing.path for thing in things] for name, things in scene.objects.items()}
+    assert [found.things(name)[k] == thing for name, things in scene.objects.items() for k, thing in enumerate(things)
             if name in ("Source", "Fluid", "Liquid", "LiquidSource", "Rods")] == [True] * 5
 
 

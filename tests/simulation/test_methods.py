@@ -58,7 +58,7 @@ def test_it_turns_as_its_closed_form_says_alone_and_beside_cloth(cloth):
     assert "the frame was repeated" in said
     if cloth:
         alone = wheels(True)
-        alone.others.clear()
+        alone.objects.pop("Wheel")
         other = Simulation(alone, precision="float64", **CPU)
         other.run(8)
         assert np.array_equal(other.positions(), sim.positions()) and "spin" in sim.indicators()
@@ -83,7 +83,7 @@ def test_a_scene_is_saved_and_loaded_and_what_is_wrong_is_said_by_its_path(tmp_p
     scene.things("Wheel")[0].drag = -1.0
     (problem,) = [p for p in check_scene(scene) if p.fatal]
     assert problem.path == FAST.path and "drag is -1" in problem.text
-    with pytest.raises(SceneError, match="is a str, which no method simulates; there are: Body, Joint, .*, Wheel"):
+    with pytest.raises(SceneError, match="is a str, which no method simulates; there are: Cloth, .*, Wheel"):
         scene.add("wheel")
 
 
@@ -91,7 +91,7 @@ def test_the_plan_names_it_and_a_scene_without_says_why():
     plan = Simulation(wheels(), **CPU).plan
     assert [r["name"] for r in plan.table()] == ["spin", "guard of parts"] and "points" in {s["stage"] for s in plan.skipped}
     scene = wheels(True)
-    scene.others.clear()
+    scene.objects.pop("Wheel")
     assert {"stage": "wheels", "why": "there is no wheel"} in Simulation(scene, **CPU).plan.skipped
 
 

@@ -13,7 +13,8 @@ from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Plane, Scene, SceneError, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
-from wsim.simulation import cost, retry
+from wsim.simulation import plan as plans
+from wsim.simulation import retry
 from wsim.simulation.simulation import Simulation
 
 CPU = {"device": "cpu"}
@@ -366,11 +367,11 @@ def test_worlds_have_their_own_parameters():
     (3, {"cloth": True}, "gpu"), (0, {}, "gpu")])
 def test_few_rigid_bodies_alone_take_the_cpu_unless_a_device_is_named(monkeypatch, bodies, more, where):
     devices = {"cpu": SimpleNamespace(is_cuda=False), "gpu": SimpleNamespace(is_cuda=True)}
-    monkeypatch.setattr(cost.kernel_cache, "warp_device", lambda name: devices[name or "gpu"])
+    monkeypatch.setattr(plans.kernel_cache, "warp_device", lambda name: devices[name or "gpu"])
     scene = Scene()
     for k in range(bodies):
         scene.add(Body(f"/ball{k}", [Collider(f"/ball{k}/shape", Sphere(1.0))]))
     if more.get("cloth"):
         scene.net("/net", np.eye(3), [[0, 1]], [1.0], [1.0])
-    found = cost.choose_device(more.get("name"), scene, more.get("worlds", 1), more.get("gradients", False))
+    found = plans.choose_device(more.get("name"), scene, more.get("worlds", 1), more.get("gradients", False))
     assert found is devices[where]

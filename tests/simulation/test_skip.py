@@ -63,9 +63,9 @@ def room(place: str, names: str) -> set[str]:
     return {f"wsim.{place}.{name}" for name in names.split()}
 
 
-SCENE = (room("scene", "scene attachments bodies solid solids curve.curve curve.motion fabric")
-         | room("scene.check", "scene objects mesh") | room("scene.values", "table value")
-         | room("geometry", "triangulate topology memo rotation"))
+SCENE = (room("scene", "scene attachments bodies solids curve.curve curve.motion fabric")
+         | room("scene.check", "scene objects mesh problem") | room("scene.values", "table value")
+         | room("physics.cloth", "objects check") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
        | room("simulation.predicted", "errors measured growth sweep_strain sag rolling")

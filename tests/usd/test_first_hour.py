@@ -155,7 +155,8 @@ class Brick:
 
 # what: (call, what is found, the cure)
 PYTHON = {
-    "a path without a slash": (lambda: wsim.Simulation(wsim.Scene(cloths=[wsim.Cloth("rag", *RAG)])), "this is no prim path",
+    "a path without a slash": (lambda: wsim.Simulation(wsim.Scene(objects={"Cloth": [wsim.Cloth("rag", *RAG)]})),
+                             "this is no prim path",
                                "begin it with /"),
     "a file that is not there": (lambda: wsim.Simulation("flagg.usda"), "flagg.usda: there is no such file", "give the path"),
     "nothing": (lambda: wsim.Simulation(None), "is a NoneType", "give a wsim.Scene, the path of a USD file or a Usd.Stage"),
@@ -172,8 +173,8 @@ PYTHON = {
     "half a point": (lambda: wsim.Pin("/pin", "/rag", [0, 1.5]), "found 1.5", "whole numbers"),
     "the name of a fabric": (lambda: wsim.Cloth("/rag", *RAG, material="silk"), "/rag: material is 'silk'",
                              'wsim.fabric("silk")'),
-    "half a frame": (lambda: wsim.Simulation(wsim.Scene(frames=2.5, cloths=[wsim.Cloth("/rag", *RAG)])), "frames is 2.5",
-                     "a whole number up to"),
+    "half a frame": (lambda: wsim.Simulation(wsim.Scene(frames=2.5, objects={"Cloth": [wsim.Cloth("/rag", *RAG)]})),
+                     "frames is 2.5", "a whole number up to"),
     "triangles as tets": (lambda: wsim.Soft("/jelly", np.zeros((6, 3)), np.zeros((8, 3), int)), "found rows of 3", "rows of 4"),
     "points of a plane": (lambda: wsim.Cloth("/rag", np.zeros((6, 2)), *RAG[1:]), "found rows of 2", "rows of 3"),
     "a curve as a motion of a pin": (lambda: wsim.Pin("/pin", "/rag", [0], motion=wsim.Curve([0.0], [(0, 0, 0)])),
@@ -183,8 +184,8 @@ PYTHON = {
     "a fabric out of range": (lambda: wsim.Fabric(stretch=-1.0), "stretch is -1", "allowed is a finite number > 0"),
     "a solid that cannot be": (lambda: wsim.Bulk(poisson=0.5), "poisson is 0.5", "allowed is > -1 and < 0.5"),
     "a plane that faces nowhere": (lambda: wsim.Plane("up"), "axis is 'up'", "allowed is 'X', 'Y', 'Z', or None"),
-    "a solver for cloth alone": (lambda: wsim.Simulation(wsim.Scene(solver="xpbd", softs=[wsim.Soft(
-        "/jelly", *shapes.block((1, 1, 1), 1))])), "solver xpbd has no tetrahedra", "choose one of them"),
+    "a solver for cloth alone": (lambda: wsim.Simulation(wsim.Scene(solver="xpbd", objects={"Soft": [wsim.Soft(
+        "/jelly", *shapes.block((1, 1, 1), 1))]})), "solver xpbd has no tetrahedra", "choose one of them"),
     "a name that is none": (lambda: wsim.Simulaton, "no attribute 'Simulaton'", "its names:"),
     "a body that is none": (lambda: wsim.Simulation(rag(), device="cpu").positions("/rug"), "/rug: world 0 has 0 prims",
         "there are ['/rag']"),

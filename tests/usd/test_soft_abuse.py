@@ -7,7 +7,7 @@ from tests.make.usd.abuse import refusals
 from tests.make.usd.prims.soft import soft_scene
 from tests.make.usd.usda_soft import BONE, SOLID, TWO, part, solid, volume
 from tests.make.usda import Reader, errors
-from wsim.scene.check import soft
+from wsim.physics.soft import check as soft
 from wsim.usd import save
 
 BODIES = [

@@ -70,7 +70,7 @@ def _plain_field_value(thing, name: str, scene: Scene):
     if name in ("body", "other"):
         return [body.path for body in scene.bodies()].index(value)
     if isinstance(thing, Varying) and name == "path":
-        return ["/", *(t.path for t in [*scene.bodies(), *scene.colliders])].index(value)
+        return ["/", *(b.path for b in scene.bodies()), *(c.path for c in scene.colliders)].index(value)
     return default_bench_frames(scene) if name == "frames" and thing is scene else value
 
 

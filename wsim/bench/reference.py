@@ -28,6 +28,7 @@ from wsim.bench.track import LONGEST, SampledFrames, Trajectory, largest_body_ex
 from wsim.model.model import hard_places
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE
+from wsim.scene.methods import has_tets
 from wsim.simulation.cost import COSTS
 from wsim.simulation.simulation import Simulation
 
@@ -90,7 +91,7 @@ def stable_leapfrog_cost(scene: Scene, look: SampledFrames) -> tuple[int, float]
     (of others 0: a trial costs little)."""
     auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
     stable, costs = auto.plan.choice.substeps, COSTS["cuda" if auto.device.is_cuda else "cpu"]
-    tets = sum(len(s.tets) for s in scene.softs)
+    tets = sum(len(body.tets) for body in auto.model.bodies if body.world == 0)
     return stable, stable * (costs["block"] + costs["tet"] * tets) if tets else 0.0
 
 
@@ -99,11 +100,11 @@ def reference_methods(scene: Scene, stable: int) -> list[tuple[Setting, int]]:
     n, sweeps = max(4, first_substeps(scene)), max(scene.iterations, 4)
     if not scene_is_smooth(scene):
         integrator, order = ("backward_euler", 1) if scene.colliders else ("bdf2", 2)
-        solver, repeats = ("implicit", NEWTON[-1]) if scene.softs else ("xpbd", sweeps)
+        solver, repeats = ("implicit", NEWTON[-1]) if has_tets(scene) else ("xpbd", sweeps)
         return [(Setting("explicit", "leapfrog", stable, 1, "float64"), 1),
                 (Setting(solver, integrator, max(n, scene.substeps // 2), repeats, "float64"), order)]
     newton = [(Setting("explicit", "rk4", stable, 1, "float64"), 4), (Setting("implicit", "bdf2", n, NEWTON[-1], "float64"), 2)]
-    return newton if scene.softs else [*newton, (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
+    return newton if has_tets(scene) else [*newton, (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
 
 
 def perturb_positions(sim: Simulation) -> None:

@@ -6,10 +6,11 @@ midpoint is tried as well, which takes no energy from a body that swings, and sd
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 
 from wsim.scene import Scene
 from wsim.scene.integrator import TABLE
+from wsim.scene.methods import has_tets
 
 COARSE = 0.01          # [s] about the longest substep that is tried
 SWEEPS = (1, 4, 16)    # of XPBD; residuals fall by h^2 / sweeps, so more than these lose to more substeps
@@ -50,7 +51,7 @@ class Setting:
 def scene_is_smooth(scene: Scene) -> bool:
     """True if nothing but springs, membranes, hinges, tets and pins act: positions depend smoothly on the step."""
     return not scene.colliders and not any(
-        c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths)
+        body.tethers or isfinite(body.material_number("strain_limit", inf)) for body in scene.bodies())
 
 
 def first_substeps(scene: Scene) -> int:
@@ -66,11 +67,11 @@ def first_setting_of_series(scene: Scene, quick: bool = False) -> Iterator[Setti
     n, implicit = first_substeps(scene), [m for m in TABLE.values() if not m.explicit]
     plain = [m for m in implicit if not m.rebounds]
     yield Setting("explicit", "auto", 1, 1)                    # leapfrog with as many substeps as are stable
-    for sweeps in () if scene.softs else SWEEPS[:2] if quick else SWEEPS:
+    for sweeps in () if has_tets(scene) else SWEEPS[:2] if quick else SWEEPS:
         for m in plain:
             if not m.watched or sweeps > 1:                    # it needs its residual
                 yield Setting("xpbd", m.name, n, sweeps)
-    more = [m for m in implicit if m.rebounds and scene.softs and scene_is_smooth(scene)]
+    more = [m for m in implicit if m.rebounds and has_tets(scene) and scene_is_smooth(scene)]
     for steps in NEWTON[:1] if quick else NEWTON:
         for m in (*plain, *more):
             yield Setting("implicit", m.name, n, steps)
@@ -78,4 +79,4 @@ def first_setting_of_series(scene: Scene, quick: bool = False) -> Iterator[Setti
 
 def unusable_solvers(scene: Scene) -> dict[str, str]:
     """Solvers that are not tried at all, and why."""
-    return {"xpbd": "it has no tetrahedra, of which soft bodies are made"} if scene.softs else {}
+    return {"xpbd": "it has no tetrahedra, of which soft bodies are made"} if has_tets(scene) else {}

@@ -4,6 +4,7 @@ import os
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
+from typing import Any
 
 from wsim.cli.progress import progress_line
 from wsim.fitting.fields.result import FieldFit
@@ -11,6 +12,7 @@ from wsim.fitting.fit import Fit, Settings, fit
 from wsim.fitting.observations.observe import Track
 from wsim.fitting.observations.observed_usd import read
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.methods import objects_with_values
 from wsim.usd.result.as_json import as_json
 from wsim.usd.result.dependencies import refuse_overwrite
 
@@ -95,7 +97,7 @@ def _save_fitted_layer(scene: Scene, result: Fit | FieldFit, path: str, k: int =
     found = result.as_dict()
     short = [{k: v for k, v in f.items() if k not in ("values", "sensitivity")} for f in found["fields"]]
     fields = [(f.path, f.kind.name, result.values[f.name]) for f in result.fields]
-    bodies = {b.path: b for b in (*result.scene.bodies(), *result.scene.pins, *result.scene.colliders)}
+    bodies: dict[str, Any] = {b.path: b for b in objects_with_values(result.scene)}
     save_fitted(scene, result.scene, path, found | {"fields": short, "history": []},
                 lambda stage: author_fields(stage, fields, bodies))
     return [name for name, error in result.errors.items() if error == float("inf")]

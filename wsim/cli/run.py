@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
 from wsim.scene.check.counts import refuse_large_count
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.methods import count_noun
+from wsim.scene.methods import count_noun, has_tets
 from wsim.simulation import interrupt
 from wsim.simulation.duration import long_run
 from wsim.simulation.interrupt import delay_interrupts
@@ -45,15 +45,22 @@ def delay_scene_curves(scene: Scene, delay: float) -> Scene:
     """The scene with every curve `delay` [s] later, so that simulating begins that long before its start."""
     if delay == 0.0:
         return scene
-    nets = [s if s.actuation is None else replace(s, actuation=_curve_later(s.actuation, delay)) for s in scene.springs]
     bones = {id(b): b.later(delay) for b in scene.things("Skeleton")}
-    others = {**scene.others, **({"Skeleton": list(bones.values())} if bones else {})}
-    if rods := scene.things("Rods"):
-        others["Rods"] = [replace(r, pins=[_pin_later(p, delay, bones) for p in r.pins]) for r in rods]
-    return replace(scene, springs=nets, colliders=[_collider_later(c, delay, bones) for c in scene.colliders], others=others,
+    objects = {name: [_muscles_and_pins_later(thing, delay, bones) for thing in found] for name, found in scene.objects.items()}
+    objects |= {"Skeleton": list(bones.values())} if bones else {}
+    return replace(scene, objects=objects, colliders=[_collider_later(c, delay, bones) for c in scene.colliders],
                    pins=[_pin_later(p, delay, bones) for p in scene.pins],
                    loads=[replace(load, curve=_curve_later(load.curve, delay)) for load in scene.loads],
                    varying=[replace(v, curve=_curve_later(v.curve, delay)) for v in scene.varying])
+
+
+def _muscles_and_pins_later(thing, delay: float, bones: dict):
+    """An object whose muscles, and pins of its own, act `delay` [s] later."""
+    if getattr(thing, "actuation", None) is not None:
+        thing = replace(thing, actuation=_curve_later(thing.actuation, delay))
+    if getattr(thing, "pins", None):
+        thing = replace(thing, pins=[_pin_later(pin, delay, bones) for pin in thing.pins])
+    return thing
 
 
 def _motion_later(motion: Motion, delay: float) -> Motion:
@@ -218,7 +225,7 @@ def prepare_recorded_run(scene: Scene, output: str, simulate: Callable[[Scene], 
         interrupt.set_interrupt_mode("wait", f"{partial_path(output)} holds the frames saved so far")
         recorder = Recorder(scene, output, flatten=flatten, restart_fields=exact_restart_fields, continues=earlier,
                             settings=lambda: settings_of_run(sim, samples))
-        if stress and not scene.softs:
+        if stress and not has_tets(scene):
             recorder.notes.append(Problem("--stress", "there is no soft body whose stress could be written", fatal=False))
     except ValueError as error:                   # the recorder's word for an output that would be a mistake
         raise SceneError(Problem(output, str(error).removeprefix(f"{output}: "))) from error

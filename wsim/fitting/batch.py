@@ -13,6 +13,7 @@ import numpy as np
 from wsim.fitting.copies import BrokenRun, SavedCopies, SceneCopies
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Scene
+from wsim.scene.methods import has_other_objects
 
 Seen = tuple[int, int, Any, int]       # experiment, frame, observation, row of it
 
@@ -54,7 +55,7 @@ class CopiesBatch:
         """most: copies at once, two or more; None: all."""
         self.moments = observations_by_time(experiments)
         self.columns = [[c for c, p in enumerate(parameters) if p.only in (None, k)] for k in range(len(experiments))]
-        self.size = copies if most is None or any(s.others for s, _ in experiments) else min(copies, max(most, 2))
+        self.size = copies if most is None or any(has_other_objects(s) for s, _ in experiments) else min(copies, max(most, 2))
         self.copies = [SceneCopies(scene, [parameters[c] for c in own], self.size, device)
                        for (scene, _), own in zip(experiments, self.columns, strict=True)]
         for each, (_, seen) in zip(self.copies, experiments, strict=True):

@@ -21,7 +21,7 @@ import numpy as np
 
 from wsim.fitting import shared as sharing
 from wsim.fitting.least_squares.bounds import LARGE, WIDE, FittingMap
-from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
+from wsim.scene import Load, Problem, Scene, SceneError
 from wsim.scene.check.varying import NEEDS, has_painted_stiffness, unfittable_parameter
 from wsim.scene.methods import each_method_object
 from wsim.scene.nodal.masses import single_density
@@ -99,10 +99,10 @@ class Parameter:
         for row, thing in self.rows(scene):
             if row.owner == "Scene":
                 found.append(("/", self.what, getattr(scene, self.what)))
-            elif isinstance(thing, Cloth) and self.what in table.PARTS:
+            elif getattr(thing, "is_sheet", False) and self.what in table.PARTS:
                 names = ("stretch", "weft") if thing.model == "membrane" else ("stretch",)
                 found += [(thing.path, name, getattr(thing.material, name)) for name in names]
-            elif isinstance(thing, Springs) and self.what == "stiffness":
+            elif getattr(thing, "is_net", False) and self.what == "stiffness":
                 found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
             elif isinstance(thing, Load):
                 found.append((thing.path, self.what, thing.curve.values[0]))
@@ -123,7 +123,7 @@ def _has_value(row: ValueRow, thing, scene: Scene) -> bool:
     """Poisson's ratio is of membranes, and a strain limit is where it is finite from the start."""
     if type(thing).__name__ != row.owner or (isinstance(thing, Load) and thing.name != row.name):
         return False
-    if isinstance(thing, Cloth) and has_painted_stiffness(thing, row.name.partition("_")[0]):
+    if has_painted_stiffness(thing, row.name.partition("_")[0]):
         return False                                     # a map of faces, not one number
     if hasattr(thing, "taken") and thing.taken(row.name) is None and row.name != "mass":
         return False                                     # no drive, or no collider
@@ -135,7 +135,7 @@ def _value_of(row: ValueRow, thing, axis: int | None) -> float:
         return thing.material.weft or thing.material.stretch if row.name == "stretch_weft" else thing.material.stretch
     if isinstance(thing, Load):
         return float(thing.curve.values[0, axis or 0])
-    if isinstance(thing, Springs) and row.name == "mass":
+    if getattr(thing, "is_net", False) and row.name == "mass":
         return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
     if row.owner == "Body" and row.name == "mass":
         from wsim.physics.rigid.mass import body_inertia
@@ -156,9 +156,9 @@ def thing_with_parameter(row: ValueRow, thing, value: float, axis: int | None = 
         return replace(thing, material=replace(m, **new))
     if hasattr(thing, "given"):
         return thing.given(row.name, value if axis is None else np.array(_put_in(thing.taken(row.name), axis, value)))
-    if value_holder(thing, row.name) is not thing and not isinstance(thing, Springs):
+    if value_holder(thing, row.name) is not thing:
         return replace(thing, material=replace(thing.material, **{row.name: value}))
-    if not isinstance(thing, Springs):
+    if not getattr(thing, "is_net", False):
         return replace(thing, **{row.name: value if axis is None else np.array(_put_in(getattr(thing, row.name), axis, value))})
     own: Any = {} if row.name in ("stiffness", "mass") else {row.name: value}
     copy = replace(thing, **own)

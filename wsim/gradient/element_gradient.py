@@ -10,7 +10,6 @@ import warp as wp
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.gradient.tables import GradientTables
 from wsim.physics.cloth.constraints import Constraints
-from wsim.scene import Springs
 from wsim.scene.values.coverage import gradient_refusal
 
 
@@ -34,7 +33,7 @@ class ElementGradient:
     def lengths(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Gradient with respect to the rest lengths of a spring net [1/m], (edges,), in the author's order."""
         body = self.model.body(path, world)
-        if not isinstance(body.source, Springs):
+        if not body.source.is_net:
             raise gradient_refusal("lengths", body.path)
         found = [self.entries["rest"][part] for r, part in _parts_of_table(self.parameters.springs) if r.body is body]
         for batch in self.parameters.batches:

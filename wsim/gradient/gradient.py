@@ -16,7 +16,7 @@ from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.loss import LossCotangents
 from wsim.gradient.tables import GradientTables
 from wsim.physics.contact.gradient import ContactGradient
-from wsim.scene import Cloth, Problem, SceneError, Springs
+from wsim.scene import Problem, SceneError
 from wsim.scene.nodal.masses import single_density
 from wsim.scene.values.coverage import differentiable_row, gradient_refusal
 from wsim.scene.values.table import FRICTION
@@ -119,7 +119,7 @@ class Gradient(ElementGradient):
     def mass(self, path: str | None = None, world: int = 0) -> float:
         """Gradient with respect to the mass of a net, which its points share in the proportions that they have [1/kg]."""
         b = self.model.body(path, world)
-        if not isinstance(b.source, Springs):
+        if not b.source.is_net:
             raise gradient_refusal("mass", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum() / b.masses.sum())
 
@@ -148,7 +148,7 @@ class Gradient(ElementGradient):
     def air_coefficient(self, name: str, path: str | None = None, world: int = 0) -> float:
         """Gradient with respect to "drag" or "lift" of a cloth, or to "normal_drag" of its material."""
         body, air = self.model.body(path, world), self.parameters.air
-        felt = air and isinstance(body.source, Cloth) and body.source.feels_air
+        felt = air and body.source.feels_air
         if name not in ("drag", "lift", "normal_drag") or not felt:
             raise gradient_refusal("air", body.path, name=name)
         share = 1.0 / 3.0 if name == "normal_drag" else self.model.scene.air_density / 6.0

@@ -6,14 +6,16 @@
     tet              by its edges from corner 0
 """
 
+from typing import Any, cast
+
 import numpy as np
 
 from wsim.geometry.tetra.tets import ten_node_mesh
 from wsim.model.midnodes import HRZ
 from wsim.model.model import PointBody
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.rest_shape import current_rest_shape, triangles_of
-from wsim.scene import Cloth, Soft, Springs
+from wsim.physics.cloth.rest_shape import current_rest_shape
+from wsim.scene import Soft
 from wsim.scene.nodal.masses import soft_masses, soft_weights
 
 
@@ -78,13 +80,14 @@ def by_volume(corners: np.ndarray, by: np.ndarray) -> np.ndarray:
 def by_masses(body: PointBody, by: np.ndarray, density: float | None) -> np.ndarray:
     """Gradient by the author's points at rest, (n, 3), from those by the masses of the points, then of middles (n + m,).
     density: that was set, or None."""
-    source, n, rest = body.source, len(body.own), current_rest_shape(body)
-    if isinstance(source, Springs) or (source.masses is not None and not len(body.middles)):
+    source: Any = body.source
+    n, rest = len(body.own), current_rest_shape(body)
+    if not source.has_surface or (source.masses is not None and not len(body.middles)):
         return np.zeros((n, 3))
     if density is not None:
         by = by * (density / source.material.density)
-    if isinstance(source, Cloth):
-        ids = triangles_of(source)
+    if source.is_sheet:
+        ids = source.surface_triangles()
         thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses.astype(np.float64)
         weights, shares = thick[ids].mean(axis=1) * source.material.density, np.full(3, 1.0 / 3.0)
         each = by_area(rest[ids], np.ones(len(ids)))
@@ -93,7 +96,6 @@ def by_masses(body: PointBody, by: np.ndarray, density: float | None) -> np.ndar
         ids, weights, shares = source.tets, soft_weights(source), np.full(4, 0.25)
         each = by_volume(rest[ids], np.ones(len(ids)))
         areas = np.einsum("tki,tki->t", each, rest[ids]) / 3.0
-    assert isinstance(source, (Cloth, Soft))
     own = weights * areas                                                       # mass of each element
     by_own = np.zeros(len(ids))
     if len(body.middles):
@@ -115,8 +117,7 @@ def _scatter_to_points(ids: np.ndarray, each: np.ndarray, by: np.ndarray, n: int
 def _by_lumped(body: PointBody, by: np.ndarray, own: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Adjoint of `wsim.model.midnodes.lump_node_masses`: gradients by the masses of the author's points, and by those of tets
     (t,)."""
-    source, n = body.source, len(body.own)
-    assert isinstance(source, Soft)
+    source, n = cast(Soft, body.source), len(body.own)
     tets, (_, ten) = source.tets, ten_node_mesh(rest, source.tets)
     masses, _ = soft_masses(source, rest)
     total = np.bincount(tets.ravel(), np.repeat(own, 4), n)

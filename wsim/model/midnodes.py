@@ -1,7 +1,7 @@
 """Middles of edges: points of a body of quadratic tets that its author does not have. NumPy only.
 
-They stand behind the author's points in a `Shape` and in restart fields, each between two ends of `Body.ends`. What is given to
-the author's points, middles get as the mean of their ends; what is held at both ends is held between.
+They stand behind the author's points in a `BodyGeometry` and in restart fields, each between two ends of `Body.ends`. What is
+given to the author's points, middles get as the mean of their ends; what is held at both ends is held between.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def held_with_midnodes(body, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def with_middles(shape, weights: np.ndarray):
-    """A `_Shape` of four-node tets as one of ten. weights [kg/m^3]: mass of each tet over its volume, (t,)."""
+    """A `BodyGeometry` of four-node tets as one of ten. weights [kg/m^3]: mass of each tet over its volume, (t,)."""
     from wsim.geometry.tetra.tets import edges_of_tets
     shape.ends = edges_of_tets(shape.tets)
     shape.masses, shape.tets = lump_node_masses(shape.masses, weights, shape.rest, shape.tets)

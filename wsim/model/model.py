@@ -12,11 +12,10 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.sheet_ordering import order_of_points
-from wsim.geometry.triangulate import triangulate_polygons
 from wsim.model.launches import KernelLaunches
-from wsim.model.midnodes import held_with_midnodes, memory_neighbours, with_middles, with_midnode_values
-from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.nodal.masses import cloth_masses, fill_loose_masses, soft_masses, soft_weights
+from wsim.model.midnodes import held_with_midnodes, memory_neighbours, with_midnode_values
+from wsim.scene import Deformable, Problem, Scene, SceneError
+from wsim.scene.nodal.masses import fill_loose_masses
 
 
 @dataclass
@@ -24,7 +23,7 @@ class PointBody:
     """One cloth or spring net of one world, in solver order."""
 
     world: int
-    source: Cloth | Springs | Soft
+    source: Deformable
     number: int                          # row of this body in the tables per object
     first: int                           # first of its points in the arrays
     index: np.ndarray                    # author's point -> place in the arrays, (n,)
@@ -133,7 +132,7 @@ class Model(KernelLaunches):
 
 def edge_lengths(body: PointBody) -> np.ndarray:
     """Rest length of every edge of a body [m], (m,): the author's, or that of the rest shape."""
-    lengths = getattr(body.source, "lengths", None)
+    lengths = body.source.lengths
     if lengths is not None:
         return lengths.astype(np.float64)
     p = body.rest[body.edges - body.first]
@@ -148,54 +147,10 @@ def hard_places(model: Model) -> np.ndarray:
     return np.concatenate([np.zeros(0, np.int64), *places])
 
 
-def _surface_of_cloth(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles and their polygons, rest positions [m] in world size, masses of the author's points."""
-    triangles, polygon = triangulate_polygons(cloth.points, cloth.counts, cloth.indices)
-    rest = cloth.motion.points(cloth.points if cloth.rest_points is None else cloth.rest_points, 0.0)
-    return triangles, polygon, rest - rest.mean(axis=0), cloth_masses(cloth, triangles, rest)
-
-
-@dataclass
-class _SourceShape:
-    """What a source is made of, by the author's points."""
-
-    rest: np.ndarray                         # [m], (n, 3)
-    masses: np.ndarray                       # [kg], (n,)
-    reach: np.ndarray                        # [m], (n,)
-    material: Any                            # has static_friction and dynamic_friction
-    particle: np.ndarray                     # of each point, (n,)
-    triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
-    polygon: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
-    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
-    tets: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
-    idle: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
-    ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))     # of middles, which follow the points
-
-
-def _shape_of_source(source: Cloth | Springs | Soft, places: np.ndarray) -> _SourceShape:
-    n = len(places)
-    if isinstance(source, Cloth):
-        triangles, polygon, rest, masses = _surface_of_cloth(source)
-        particle = topology.weld_points(places, source.weld) if source.weld > 0.0 else np.arange(n)
-        thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses
-        return _SourceShape(rest, masses, 0.5 * thick, source.material, particle, triangles, polygon)
-    if isinstance(source, Springs):
-        masses = np.broadcast_to(source.masses, n).astype(np.float64)
-        return _SourceShape(places - places.mean(axis=0), masses, np.full(n, source.radius), source, np.arange(n),
-                            edges=source.edges)
-    rest = source.motion.points(source.points if source.rest_points is None else source.rest_points, 0.0)
-    from wsim.geometry.tetra import tets
-    rest, triangles = rest - rest.mean(axis=0), tets.tet_surface_triangles(source.tets)
-    masses, idle = soft_masses(source, rest)
-    shape = _SourceShape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
-                         tets.edges_of_tets(source.tets), source.tets, idle)
-    return with_middles(shape, soft_weights(source)) if source.quadratic else shape
-
-
-def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: int) -> PointBody:
+def make_body(source: Deformable, world: int, number: int, first: int) -> PointBody:
     """Welds, orders and measures one body. Every field but the motion is independent of the device."""
     places = source.motion.points(source.points, 0.0)
-    n, shape = len(places), _shape_of_source(source, places)
+    n, shape = len(places), source.geometry(places)
     particle, places = shape.particle, with_midnode_values(places, shape.ends)
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
@@ -212,14 +167,13 @@ def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: in
     origin = np.round(origin)                                      # whole metres: the origin itself is exact
     whole = _corners_are_distinct(index[shape.triangles])
     triangles, polygon = index[shape.triangles[whole]], shape.polygon[whole]
-    edges = topology.edges_of_triangles(triangles) if isinstance(source, Cloth) else index[shape.edges]
-    friction = (shape.material.static_friction, shape.material.dynamic_friction)
+    edges = topology.edges_of_triangles(triangles) if source.is_sheet else index[shape.edges]
     masses, idle = np.bincount(place[particle], shape.masses, count), index[shape.idle] - first
-    if isinstance(source, Cloth):
+    if source.is_sheet:
         masses, idle = fill_loose_masses(masses, triangles - first)
     velocities[idle] = 0.0
     return PointBody(world, source, number, first, index[:n], origin, places[one] - origin, velocities, shape.rest[one], masses,
-                     shape.reach[one], friction, triangles.astype(np.int32), polygon, edges.astype(np.int32),
+                     shape.reach[one], source.friction, triangles.astype(np.int32), polygon, edges.astype(np.int32),
                      index[shape.tets].astype(np.int32), first + idle, index[n:], shape.ends, index[:n])
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from wsim.model.stage import CallPort, Method
     from wsim.physics.animation.method import SkeletonMethod
     from wsim.physics.cloth.air import Aero
-    from wsim.physics.cloth.muscles import Muscles
+    from wsim.physics.cloth.nets.muscles import Muscles
     from wsim.physics.contact.contacts import ColliderContacts
     from wsim.physics.contact.method import ContactMethod
     from wsim.physics.contact.restitution import RestitutionStage

@@ -1,15 +1,18 @@
-"""Bodies of a scene: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`."""
+"""Bodies of a scene as everybody asks them: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`.
+
+Methods own the classes: `wsim.physics.cloth.objects`, `wsim.physics.cloth.nets.objects`, `wsim.physics.soft.objects`.
+"""
 
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
+from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.fabric import Fabric
-from wsim.scene.solid import Bulk
 
-CLOTH_MODELS = ("membrane", "springs")
+NO_AIR = {"drag": 0.0, "lift": 0.0, "normal_drag": 0.0}
 
 
 def contiguous_array(value, dtype, *shape):
@@ -77,7 +80,8 @@ class ArrayDataclass:
     that is no field raises AttributeError."""
 
     def __setattr__(self, name: str, value) -> None:
-        if not (name.startswith("_") or hasattr(type(self), name) or name in vars(type(self))["__dataclass_fields__"]):
+        own = isinstance(getattr(type(self), name, None), property)
+        if not (name.startswith("_") or own or name in vars(type(self))["__dataclass_fields__"]):
             known = [*vars(type(self))["__dataclass_fields__"]]
             close = get_close_matches(name, known, 1)
             raise AttributeError(f"{type(self).__name__} has no {name}; "
@@ -102,193 +106,136 @@ def equal_values(a, b) -> bool:
     return bool(a == b)
 
 
-@dataclass(eq=False)
-class Cloth(ArrayDataclass):
-    """A surface that deforms, as in `scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 8, 8), material=fabric("silk"))`. Polygons
-    as authored; `wsim.geometry.triangulate` cuts them into triangles.
+@dataclass
+class BodyGeometry:
+    """What a body is made of at rest, by the author's points: what a `wsim.model.model.Model` is built from."""
 
-    path           prim path
-    points         (n, 3) [m], own frame, float32 or float64
-    counts         corners of each polygon, (faces,)
-    indices        point of each corner, (sum of counts,)
-    material       a `Fabric`
-    motion         own frame to world at the start, lengths [m]
-    velocities     at the start, (n, 3) [m/s], own frame; None: at rest
-    rest_points    shape without strain, (n, 3) [m], own frame; None: points
-    masses         of each point, (n,) [kg]; None: from the material's density
-    mass           of the whole cloth [kg]; used where masses is None
-    thicknesses    of each point, (n,) [m]; None: the material's thickness
-    model          in-plane elasticity: "membrane" (strain of triangles) or "springs" (edges)
-    flat           True: it bends from flat; False: from the angles of its rest shape
-    weld           points closer than this are one particle [m] (seams); 0: none
-    tethers        long-range attachments to the nearest pin
-    drag           aerodynamic drag coefficient [1], along the relative wind; it replaces the `normal_drag` of the material, so
-                   that 0 is no drag at all. None: the material's `normal_drag`, which presets have
-    lift           aerodynamic lift coefficient [1], across the relative wind
-    stretches      stiffness of each polygon, (faces,) [N/m], shear and weft in its ratio; None: the material's
-    bends          of each polygon, (faces,) [N m]; None: the material's bend
-    self_collision    True: it passes neither through itself, nor other surfaces that say so, nor mesh colliders and boxes
+    rest: np.ndarray                         # [m], (n, 3)
+    masses: np.ndarray                       # [kg], (n,)
+    reach: np.ndarray                        # half thickness [m], (n,)
+    particle: np.ndarray                     # of each point, (n,): points that are welded are one
+    triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    polygon: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))           # author's, of each triangle
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))        # none: those of the triangles
+    tets: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    idle: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))              # points that nothing holds
+    ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))         # of middles, which follow the points
+
+
+class PointObject(ArrayDataclass):
+    """What has points that can be held, loaded and dragged, whatever method moves them.
+
+    noun            word for such an object; plural: it is many
+    refused         {"pin", "load", "tie" or "drag": why it takes none, in words}
+    mesh_fields     names of the fields that say which of its points is which
+    is_sheet        True: its triangles bend, and have air on both sides
+    is_net          True: springs join its points, each with numbers of its own
+    is_solid        True: tetrahedra fill it
     """
+
+    noun = "body"
+    refused: dict[str, str] = {}         # noqa: RUF012  (nobody changes it)
+    mesh_fields: tuple[str, ...] = ()
+    plural = is_sheet = is_net = is_solid = False
 
     path: str
     points: np.ndarray
-    counts: np.ndarray
-    indices: np.ndarray
-    material: Fabric = field(default_factory=Fabric)
-    motion: Motion = field(default_factory=Motion.still)
-    velocities: np.ndarray | None = None
-    rest_points: np.ndarray | None = None
-    masses: np.ndarray | None = None
-    mass: float | None = None
-    thicknesses: np.ndarray | None = None
-    model: str = "membrane"
-    flat: bool = True
-    weld: float = 0.0
-    tethers: bool = False
-    drag: float | None = None
-    lift: float = 0.0
-    stretches: np.ndarray | None = None
-    bends: np.ndarray | None = None
-    self_collision: bool = False
+    motion: Motion
 
-    def __post_init__(self):
-        demand_kind(self.path, "material", self.material, Fabric, 'wsim.fabric("silk")')
-        self.points = real_array(self.points, -1, 3)
-        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
-        self.velocities = real_array(self.velocities, -1, 3)
-        self.rest_points = real_array(self.rest_points, -1, 3)
-        self.masses, self.thicknesses = real_array(self.masses, -1), real_array(self.thicknesses, -1)
-        self.stretches, self.bends = real_array(self.stretches, -1), real_array(self.bends, -1)
+    @property
+    def has_surface(self) -> bool:
+        """True if it has triangles: tractions act on them, and it is a wall for air and liquids."""
+        return self.is_sheet or self.is_solid
+
+
+class Deformable(PointObject):
+    """What bodies of points answer, whatever they are made of: contacts, solvers, results and pictures ask this, and no class.
+    A class gives fields, or other values, where it differs. model: in-plane elasticity, of what has several."""
+
+    model = ""
+    self_collision = tethers = quadratic = False
+    pressure = lift = weld = 0.0
+    drag: float | None = 0.0
+    actuation: Curve | None = None
+    skins: list = []                     # noqa: RUF012
+    rest_points: np.ndarray | None = None
+    lengths: np.ndarray | None = None
+    mass: float | None = None
+
+    velocities: np.ndarray | None
+    masses: np.ndarray | None
+
+    @property
+    def materials(self) -> list:
+        """Its materials; none where it has numbers of its own."""
+        return []
 
     @property
     def air(self) -> dict[str, float]:
         """Coefficients that count: drag [1], lift [1], normal_drag [kg/(m^2 s)]."""
-        own = self.material.normal_drag if self.drag is None else 0.0
-        return {"drag": self.drag or 0.0, "lift": self.lift, "normal_drag": own}
+        return NO_AIR
 
     @property
     def feels_air(self) -> bool:
         """True if a coefficient of the air is not 0."""
         return any(self.air.values())
 
-
-@dataclass(eq=False)
-class Springs(ArrayDataclass):
-    """A net of linear springs between own points, as in `scene.net("/rope", [(0, 0, 0), (1, 0, 0)], [(0, 1)],
-    stiffness=[100.0], masses=[0.1])`. With `actuation` some are muscles: their rest length is multiplied by the factor of
-    their group, which changes over time.
-
-    path                prim path
-    points              (n, 3) [m], own frame, float32 or float64
-    edges               points of each spring, (m, 2)
-    stiffness           (m,) or (1,) for all [N/m]
-    masses              (n,) or (1,) for all [kg]
-    lengths             rest lengths, (m,) [m]; None: those of points
-    damping             relaxation time of the elastic forces [s]
-    radius              distance that colliders keep from its points [m]
-    motion              own frame to world at the start, lengths [m]
-    velocities          at the start, (n, 3) [m/s], own frame; None: at rest
-    static_friction     coefficient of friction [1] up to which a contact sticks
-    dynamic_friction    coefficient of friction of a contact that slides [1]
-    actuation           factors of rest lengths over time, values (keys, groups), > 0 [1], linear between keys
-    muscles             group of each spring, (m,), -1: passive; None: all are of group 0
-    """
-
-    path: str
-    points: np.ndarray
-    edges: np.ndarray
-    stiffness: np.ndarray
-    masses: np.ndarray
-    lengths: np.ndarray | None = None
-    damping: float = 0.0
-    radius: float = 0.0
-    motion: Motion = field(default_factory=Motion.still)
-    velocities: np.ndarray | None = None
-    static_friction: float = 0.5
-    dynamic_friction: float = 0.5
-    actuation: Curve | None = None
-    muscles: np.ndarray | None = None
-
-    def __post_init__(self):
-        self.muscles = contiguous_array(self.muscles, np.int32, -1)
-        if self.actuation is not None:
-            self.actuation = self.actuation.flat()
-        self.points, self.edges = real_array(self.points, -1, 3), contiguous_array(self.edges, np.int32, -1, 2)
-        self.stiffness, self.masses = real_array(self.stiffness, -1), real_array(self.masses, -1)
-        self.lengths, self.velocities = real_array(self.lengths, -1), real_array(self.velocities, -1, 3)
-
-
-@dataclass(eq=False)
-class Skin(ArrayDataclass):
-    """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body), as in
-    `jelly.skins.append(Skin("/jelly/skin", *shapes.box((0.1, 0.1, 0.1))))`.
-
-    path       prim path
-    points     (m, 3) [m], the soft body's own frame, where its rest (bind) pose is, float32
-    counts     corners of each polygon, (faces,), so that it can be saved
-    indices    point of each corner, (sum of counts,)
-    """
-
-    path: str
-    points: np.ndarray
-    counts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
-    indices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
-
-    def __post_init__(self):
-        self.points = contiguous_array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
-
-
-@dataclass(eq=False)
-class Soft(ArrayDataclass):
-    """A solid of tetrahedra that deforms, as in `scene.soft("/cube", *shapes.block((0.2, 0.2, 0.2), 3),
-    material=Bulk(young=2e4))`. Volumes are positive: `wsim.geometry.tetra.repair` turns others.
-
-    path           prim path
-    points         (n, 3) [m], own frame, float32 or float64
-    tets           corners of each tet, (t, 4)
-    material       a `Bulk`
-    others         further materials of some tets, list of `Bulk`
-    which          material of each tet, (t,): 0 is `material`, k is others[k - 1]; None: all 0
-    motion         own frame to world at the start, lengths [m]
-    velocities     at the start, (n, 3) [m/s], own frame; None: at rest
-    rest_points    shape without strain, (n, 3) [m], own frame; None: points
-    masses         of each point, (n,) [kg]; None: from the material's density
-    mass           of the whole body [kg]; used where masses is None
-    filled         share of each tet of a cage that is body, (t,) [1]: weighs mass and stiffness; None: all of it
-    pressure       inside above that outside [Pa]: in its hollows, or where it has none on its surface
-    quadratic      ten-node tets: accurate from 2 cells across, where four nodes need 4 and more
-    skins          meshes that follow it, list of `Skin`
-    self_collision    True: its surface passes neither through itself, nor others that say so, nor mesh colliders and boxes
-    """
-
-    path: str
-    points: np.ndarray
-    tets: np.ndarray
-    material: Bulk = field(default_factory=Bulk)
-    others: list[Bulk] = field(default_factory=list)
-    which: np.ndarray | None = None
-    motion: Motion = field(default_factory=Motion.still)
-    velocities: np.ndarray | None = None
-    rest_points: np.ndarray | None = None
-    masses: np.ndarray | None = None
-    mass: float | None = None
-    filled: np.ndarray | None = None
-    pressure: float = 0.0
-    quadratic: bool = False
-    skins: list[Skin] = field(default_factory=list)
-    self_collision: bool = False
-
-    def __post_init__(self):
-        for material in self.materials:
-            demand_kind(self.path, "material", material, Bulk, "wsim.Bulk(young=2e4)")
-        self.points, self.tets = real_array(self.points, -1, 3), contiguous_array(self.tets, np.int32, -1, 4)
-        self.which, self.filled = contiguous_array(self.which, np.int32, -1), real_array(self.filled, -1)
-        self.velocities = real_array(self.velocities, -1, 3)
-        self.rest_points = real_array(self.rest_points, -1, 3)
-        self.masses = real_array(self.masses, -1)
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Coefficients of friction [1], static and dynamic."""
+        holder: Any = self.materials[0] if self.materials else self
+        return holder.static_friction, holder.dynamic_friction
 
     @property
-    def materials(self) -> list[Bulk]:
-        """All materials, in the order that `which` counts."""
-        return [self.material, *self.others]
+    def damping_time(self) -> float:
+        """Relaxation time of the elastic forces [s], the longest of its materials."""
+        return max((m.damping for m in self.materials), default=getattr(self, "damping", 0.0))
+
+    @property
+    def loses_energy(self) -> bool:
+        """True if it damps, flows, has limits or tethers, or works by itself: air, pressure, muscles."""
+        bounds = [getattr(m, name, inf) for m in self.materials for name in ("strain_limit", "yield_strain")]
+        works = self.damping_time or self.feels_air or self.tethers or self.actuation or self.pressure
+        return bool(works) or any(map(isfinite, bounds))
+
+    def material_number(self, name: str, absent: float = 0.0) -> float:
+        """A number of its one material; `absent` where that has none of that name."""
+        return getattr(self.materials[0], name, absent) if self.materials else absent
+
+    def rest_places(self) -> np.ndarray:
+        """Shape without strain in the world [m], (n, 3)."""
+        return self.motion.points(self.points if self.rest_points is None else self.rest_points, 0.0)
+
+    def geometry(self, places: np.ndarray) -> BodyGeometry:
+        """What it is made of; places (n, 3) [m]: where its points are in the world at the start. Here: points alone."""
+        n = len(places)
+        masses = np.broadcast_to(np.asarray(self.masses, np.float64), n)
+        return BodyGeometry(places - places.mean(axis=0), masses, np.zeros(n), np.arange(n))
+
+    def masses_at_rest(self, rest: np.ndarray) -> np.ndarray | None:
+        """Mass of each point [kg], (n,), where it has that shape (n, 3) [m]; None where masses follow no shape."""
+        return None
+
+    def surface_faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of each face of its surface, (faces,), and their points, (sum,)."""
+        return np.zeros(0, np.int32), np.zeros(0, np.int32)
+
+    def surface_triangles(self) -> np.ndarray:
+        """Points of the triangles of its surface, (t, 3)."""
+        return np.zeros((0, 3), np.int32)
+
+    def held_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of points that hold each other, (m, 2), and all points that something holds, (k,), more than once or not."""
+        return np.zeros((0, 2), np.int32), np.zeros(0, np.int32)
+
+    def least_reach(self) -> float:
+        """The least distance [m] that its own points keep."""
+        return 0.0
+
+    def stiffness_at_point(self) -> float:
+        """Stiffness that a point of it feels [N/m], of a soft pin that is painted."""
+        return 1.0
+
+    def kernel_traits(self) -> set[tuple]:
+        """What of it decides which kernels a scene needs: see `wsim.simulation.methods.kernel_signature`."""
+        return set()

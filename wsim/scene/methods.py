@@ -11,8 +11,9 @@ when a scene holds such a thing:
     method     build(Build) -> Method, see `wsim.simulation.methods`
     show       triangles(prim) -> points (n, 3) and triangles (t, 3), in the prim's frame and the units of the stage
 
-Cloth, springs, soft bodies, colliders, pins, ties and loads have lists of their own in a scene, and rows for what simulates
-them alone; what they are checked and read by stands in scene/check and usd/prims.
+Things of rows with `deforms` are bodies of points (`wsim.scene.bodies.Deformable`): rows behind them, which own nothing, move
+them. Colliders, pins, ties and loads have lists of their own in a scene; what they are checked and read by stands in
+scene/check and usd/prims.
 """
 
 import re
@@ -27,7 +28,8 @@ from typing import Any
 class MethodRow:
     """owns: names of its dataclasses; unseen: those of them that results hold nothing of; posed: whether they only pose what
     others simulate; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left out where a scene
-    lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within a substep."""
+    lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within a substep;
+    deforms: whether its things are bodies of points, in the order of the rows, which others move."""
 
     name: str
     folder: str
@@ -38,6 +40,7 @@ class MethodRow:
     without: str = ""
     gradients: bool = False
     pushes: bool = False
+    deforms: bool = False
 
     def role(self, name: str) -> Any:
         """A file of the folder, or None where it has none."""
@@ -48,6 +51,9 @@ class MethodRow:
 JOINTS = tuple(f"Physics{kind}Joint" for kind in ("Fixed", "Revolute", "Prismatic", "Spherical", "Distance"))
 
 METHODS: list[MethodRow] = [
+    MethodRow("cloth", "wsim.physics.cloth", owns=("Cloth",), deforms=True, gradients=True),
+    MethodRow("springs", "wsim.physics.cloth.nets", owns=("Springs",), deforms=True, gradients=True),
+    MethodRow("soft", "wsim.physics.soft", owns=("Soft",), deforms=True, gradients=True),
     MethodRow("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     MethodRow("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
     MethodRow("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True),
@@ -76,7 +82,7 @@ METHODS: list[MethodRow] = [
     MethodRow("selfcontact", "wsim.physics.contact.selfcontact.method", without="no surface collides with itself", pushes=True),
     MethodRow("watch", "wsim.physics.motion.divergence_monitor", gradients=True),
     MethodRow("volume", "wsim.physics.soft.volume", gradients=True),
-    MethodRow("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
+    MethodRow("muscles", "wsim.physics.cloth.nets.muscles", without="no spring has an actuation", gradients=True),
     MethodRow("loads", "wsim.physics.motion.loads", without="nothing is loaded", gradients=True),
 ]
 
@@ -111,7 +117,7 @@ def objects_with_values(scene) -> list:
 
 def method_colliders(scene) -> list:
     """Colliders that move with things of methods, and are met."""
-    if not scene.others:
+    if not has_other_objects(scene):
         return []
     apart = driving_bodies(scene)
     return [c for _, thing in each_method_object(scene) if thing.path not in apart for c in getattr(thing, "colliders", ())
@@ -132,7 +138,7 @@ def driving_bodies(scene) -> set[str]:
 
 def has_method_objects(scene) -> bool:
     """True if a scene holds something that methods simulate, or would."""
-    return any(not row.posed for row, _ in each_method_object(scene)) if scene.others else False
+    return any(not row.posed for row, _ in each_method_object(scene))
 
 
 def has_collisions(scene) -> bool:
@@ -141,8 +147,14 @@ def has_collisions(scene) -> bool:
 
 
 def all_scene_pins(scene) -> list:
-    """Pins of bodies, and those of rods."""
-    return [*scene.pins, *(pin for rods in scene.things("Rods") for pin in rods.pins)]
+    """Pins of bodies, and those that objects such as rods have themselves."""
+    return [*scene.pins, *(pin for _, thing in each_method_object(scene) for pin in getattr(thing, "pins", ()))]
+
+
+def pins_of_object(scene, path: str) -> list:
+    """The list that pins of an object stand in: its own, or the scene's."""
+    own = (thing.pins for _, thing in each_method_object(scene) if thing.path == path and hasattr(thing, "pins"))
+    return next(own, scene.pins)
 
 
 def loads_on_deformables(scene) -> list:
@@ -153,12 +165,70 @@ def loads_on_deformables(scene) -> list:
 
 def has_self_collision(scene) -> bool:
     """True if a surface collides with itself."""
-    return any(body.self_collision for body in (*scene.cloths, *scene.softs))
+    return any(body.self_collision for body in scene.bodies())
+
+
+def point_objects(scene) -> list:
+    """All objects of a scene that have points which can be held, loaded or dragged: bodies, rods, ...."""
+    return [*scene.bodies(), *(thing for _, thing in each_method_object(scene) if hasattr(thing, "refused"))]
+
+
+def has_sheets(scene) -> bool:
+    """True if a body of a scene is a sheet."""
+    return any(body.is_sheet for body in scene.bodies())
+
+
+def has_tets(scene) -> bool:
+    """True if a body of a scene is filled with tetrahedra."""
+    return any(body.is_solid for body in scene.bodies())
+
+
+def solid_materials(scene) -> list:
+    """Materials of all bodies that are filled with tetrahedra."""
+    return [material for body in scene.bodies() if body.is_solid for material in body.materials]
+
+
+def feels_air(scene) -> bool:
+    """True if air pushes a body of points."""
+    return any(body.feels_air for body in scene.bodies())
+
+
+def scene_skins(scene) -> list:
+    """Meshes that follow bodies of a scene."""
+    return [skin for body in scene.bodies() for skin in body.skins]
+
+
+def place_among(scene, body) -> int:
+    """Place of a body among those of its class."""
+    return next(k for k, each in enumerate(scene.things(type(body).__name__)) if each is body)
+
+
+def deforming_classes() -> list[str]:
+    """Names of the classes of bodies of points, in the order of the state's arrays."""
+    return [name for row in METHODS if row.deforms for name in row.owns]
+
+
+def has_other_objects(scene) -> bool:
+    """True if a scene holds something that is no body of points, collider or what holds and loads these."""
+    deforming = deforming_classes()
+    return any(found and name not in deforming for name, found in scene.objects.items())
+
+
+def each_body_of_points(scene) -> Iterator[tuple[MethodRow, Any]]:
+    """(row, thing) of the bodies of points of a scene, in the order of the state's arrays."""
+    for row in (row for row in METHODS if row.deforms):
+        for name in row.owns:
+            yield from ((row, thing) for thing in scene.things(name))
+
+
+def other_objects(scene) -> list:
+    """All that a scene holds of methods besides bodies of points."""
+    return [thing for _, thing in each_method_object(scene)]
 
 
 def each_method_object(scene) -> Iterator[tuple[MethodRow, Any]]:
-    """(row, thing) of what a scene holds of methods that have no list of their own in it."""
-    for row in METHODS:
+    """(row, thing) of what a scene holds besides bodies of points."""
+    for row in (row for row in METHODS if not row.deforms):
         for name in row.owns:
             yield from ((row, thing) for thing in scene.things(name))
 
@@ -176,12 +246,14 @@ def _class_noun(name: str) -> str:
 
 def describe_scene_contents(scene) -> str:
     """Text that counts what a scene holds."""
-    kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
-                              "skin": [skin for soft in scene.softs for skin in soft.skins],
+    bodies, deforming = scene.bodies(), deforming_classes()
+    nouns = dict.fromkeys(body.noun for body in bodies)
+    kinds: dict[str, list] = {**{noun: [body for body in bodies if body.noun == noun] for noun in nouns},
+                              "skin": scene_skins(scene),
                               "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
-                              **{_class_noun(name): found for name, found in scene.others.items()}}
+                              **{_class_noun(name): found for name, found in scene.objects.items() if name not in deforming}}
     things = ", ".join(count_noun(len(found), noun) for noun, found in kinds.items() if found)
-    sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
+    sizes = {"point": sum(len(body.points) for body in bodies), "tet": sum(len(body.tets) for body in bodies if body.is_solid)}
     size = ", ".join(count_noun(n, noun) for noun, n in sizes.items() if n)
     steps = ("solver auto, which chooses substeps and integrator" if scene.solver == "auto" else
              f"{count_noun(scene.substeps, 'substep')}, {count_noun(scene.iterations, 'iteration')}, solver {scene.solver}, "

@@ -9,19 +9,26 @@ are given in, beside a local-to-world `motion` in float64. A save followed by a 
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wsim.scene import solids
 from wsim.scene.attachments import Load, Pin, Tie, Varying, as_curve_over_time
-from wsim.scene.bodies import CLOTH_MODELS, ArrayDataclass, Cloth, DefaultCount, Skin, Soft, Springs, body_in_single_precision
+from wsim.scene.bodies import ArrayDataclass, DefaultCount, Deformable, body_in_single_precision
+from wsim.scene.check.problem import Problem as Problem
+from wsim.scene.check.problem import SceneError as SceneError
 from wsim.scene.curve import Motion
-from wsim.scene.methods import METHODS, describe_scene_contents, method_file, owning_method
+from wsim.scene.methods import METHODS, deforming_classes, describe_scene_contents, method_file, owning_method
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
-__all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
-           "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
+if TYPE_CHECKING:
+    from wsim.physics.cloth.nets.objects import Springs
+    from wsim.physics.cloth.objects import Cloth
+    from wsim.physics.soft.objects import Soft
+
+__all__ = ["Box", "Capsule", "Collider", "Cone", "Cylinder", "Deformable", "Load", "Motion", "Pin", "Plane", "Problem", "Scene",
+           "SceneError", "Shape", "Sphere", "Surface", "Tie", "Varying"]
 
 COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation")      # of a body's shape
 
@@ -38,6 +45,12 @@ def _motion_or_placement(path: str, at, more: dict) -> Motion:
     if np.any(at):
         raise SceneError(Problem(path, f"at is {tuple(at)}, beside a motion, which says where it is; leave one of them out"))
     return motion
+
+
+def _objects_of_class(name: str, doc: str) -> Any:
+    """A list of `Scene.objects` as an attribute."""
+    return property(lambda scene: scene.objects.setdefault(name, []),
+                    lambda scene, things: scene.objects.update({name: things}), doc=doc)
 
 
 @dataclass(eq=False, repr=False)
@@ -61,16 +74,13 @@ class Scene(ArrayDataclass):
     contact_tolerance   residual of rigid contacts at which sweeps end [m/s]; 0: after `iterations`
     sleep_speed     speed of rigid bodies under which an island goes to sleep [m/s]; 0: none does
     error           wanted RMS error of positions over the scene's size [1], for "auto"
-    cloths          list of `Cloth`; `scene.cloth(...)` adds one
-    springs         list of `Springs`; `scene.net(...)`
-    softs           list of `Soft`; `scene.soft(...)`
+    objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `body`, `joint`, `rods`,
+                    `smoke`, `liquid`, `mpm`, `add`
     colliders       list of `Collider`; `scene.collider(...)`
     pins            list of `Pin`; `scene.pin(...)`
     ties            list of `Tie`; `scene.tie(...)`
     loads           list of `Load`; `scene.force(...)`, `scene.traction(...)`
     varying         list of `Varying`; the fields above have their values at the start
-    others          objects of other methods, {class name: list}; `scene.body(...)`, `joint`, `rods`, `smoke`, `liquid`, `mpm`,
-                    `add`
     source          file that it was loaded from
     notes           list of `Problem`: what the loader warned about
     variants        chosen USD variants, {prim path: {variant set: variant}}
@@ -92,15 +102,12 @@ class Scene(ArrayDataclass):
     contact_tolerance: float = 0.0
     sleep_speed: float = 0.0
     error: float = 0.01
-    cloths: list[Cloth] = field(default_factory=list)
-    springs: list[Springs] = field(default_factory=list)
-    softs: list[Soft] = field(default_factory=list)
+    objects: dict[str, list] = field(default_factory=dict)
     colliders: list[Collider] = field(default_factory=list)
     pins: list[Pin] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
     varying: list[Varying] = field(default_factory=list)
-    others: dict[str, list] = field(default_factory=dict)
     source: str | None = field(default=None, compare=False)
     notes: list["Problem"] = field(default_factory=list, compare=False)
     variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)
@@ -108,43 +115,49 @@ class Scene(ArrayDataclass):
     def __post_init__(self):
         if self.gravity is None:
             self.gravity = (0.0, 0.0, -9.81) if self.up == "Z" else (0.0, -9.81, 0.0)
+        self.objects = {name: [] for name in deforming_classes()} | self.objects
 
     def __repr__(self) -> str:
         return f"<Scene{f' {self.source}' if self.source else ''}: {describe_scene_contents(self)}>"
 
     def add(self, thing):
-        """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""
+        """Adds an object of a method. Raises SceneError where no method owns its class."""
         if owning_method(name := type(thing).__name__) is None:
             said = f"is a {name}, which no method simulates; there are: {', '.join(n for row in METHODS for n in row.owns)}"
             raise SceneError(Problem(getattr(thing, "path", "/"), said))
-        self.others.setdefault(name, []).append(thing)
+        self.objects.setdefault(name, []).append(thing)
         return thing
 
     def things(self, name: str) -> list:
-        """Objects of a class, by its name, that `add` was given."""
-        return self.others.get(name, [])
+        """Objects of a class, by its name."""
+        return self.objects.get(name, [])
+
+    def with_objects(self, name: str, things: list) -> "Scene":
+        """The scene with other objects of a class, by its name; the given one stays as it is."""
+        return replace(self, objects={**self.objects, name: things})
+
+    cloths = _objects_of_class("Cloth", "Its cloths; `scene.cloth(...)` adds one.")
+    springs = _objects_of_class("Springs", "Its spring nets; `scene.net(...)` adds one.")
+    softs = _objects_of_class("Soft", "Its soft bodies; `scene.soft(...)` adds one.")
 
     def exchanged(self, thing, new) -> "Scene":
         """The scene with another object in the place of one; the given one stays as it is."""
         lists: dict = {name: [new if each is thing else each for each in getattr(self, name)]
-                       for name in ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")}
-        others = {name: [new if each is thing else each for each in found] for name, found in self.others.items()}
-        return replace(self, **lists, others=others)
+                       for name in ("colliders", "pins", "ties", "loads")}
+        objects = {name: [new if each is thing else each for each in found] for name, found in self.objects.items()}
+        return replace(self, **lists, objects=objects)
 
-    def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
+    def cloth(self, path: str, points, counts, indices, **more) -> "Cloth":
         """Adds a cloth; see `Cloth` for the fields."""
-        self.cloths.append(Cloth(path, points, counts, indices, **more))
-        return self.cloths[-1]
+        return self.add(method_file("Cloth", "objects").Cloth(path, points, counts, indices, **more))
 
-    def net(self, path: str, points, edges, stiffness, masses, **more) -> Springs:
+    def net(self, path: str, points, edges, stiffness, masses, **more) -> "Springs":
         """Adds a spring net; see `Springs` for the fields."""
-        self.springs.append(Springs(path, points, edges, stiffness, masses, **more))
-        return self.springs[-1]
+        return self.add(method_file("Springs", "objects").Springs(path, points, edges, stiffness, masses, **more))
 
-    def soft(self, path: str, points, tets, **more) -> Soft:
+    def soft(self, path: str, points, tets, **more) -> "Soft":
         """Adds a soft body; see `Soft` for the fields."""
-        self.softs.append(Soft(path, points, tets, **more))
-        return self.softs[-1]
+        return self.add(method_file("Soft", "objects").Soft(path, points, tets, **more))
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
         """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
@@ -259,40 +272,9 @@ class Scene(ArrayDataclass):
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
-        own = {name: [body_in_single_precision(thing) for thing in getattr(self, name)]
-               for name in ("cloths", "springs", "softs", "pins")}
-        return replace(self, **own)  # type: ignore[arg-type]
+        own = {name: [body_in_single_precision(thing) for thing in self.things(name)] for name in deforming_classes()}
+        return replace(self, objects=self.objects | own, pins=[body_in_single_precision(pin) for pin in self.pins])
 
-    def bodies(self) -> list[Cloth | Springs | Soft]:
-        """Bodies whose points move: cloths, springs, soft bodies, in the order of the state's arrays."""
-        return [*self.cloths, *self.springs, *self.softs]
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Something wrong with a scene, as in `[problem.text for problem in load("flag.usda").notes]`.
-
-    path        prim path, or the file or option that is at fault
-    text        what was found, what is allowed and the cure, in one line
-    fatal       True: the scene cannot be simulated; False: a warning
-    overlap     True: it is about objects that overlap at the start
-    lacks       True: something is missing; not reported if another prim could not be read, which may be the cause
-    """
-
-    path: str
-    text: str
-    fatal: bool = True
-    overlap: bool = False
-    lacks: bool = False
-
-    def __str__(self) -> str:
-        return f"{'error' if self.fatal else 'warning'}: {self.path}: {self.text}".replace("\n", "\\n")
-
-
-class SceneError(Exception):
-    """A scene that cannot be run. `problems` lists everything found, each with its prim path, as in
-    `raise SceneError(Problem("/flag", "stretch is -1; allowed is more than 0"))`."""
-
-    def __init__(self, problems):
-        self.problems = [problems] if isinstance(problems, Problem) else list(problems)
-        super().__init__("\n".join(f"{p.path}: {p.text}".replace("\n", "\\n") for p in self.problems))
+    def bodies(self) -> list[Deformable]:
+        """Bodies of points: cloths, springs, soft bodies, in the order of the state's arrays."""
+        return [thing for name in deforming_classes() for thing in self.things(name)]

@@ -10,14 +10,18 @@ Points have the mean of their elements, weighed by area or volume at rest. Posit
 flow add is not seen. NumPy in float64 (distances to meshes: kernels/picture/distance.py).
 """
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from wsim.geometry.tetra.tets import signed_tet_volumes
 from wsim.model.model import PointBody
 from wsim.physics.cloth.kinds.membrane import flat_edge_matrices
-from wsim.scene import Cloth, Soft, Springs
 from wsim.scene.nodal.skin import SkinEmbedding, embed_all_skins
 from wsim.scene.samples import ColourSample
+
+if TYPE_CHECKING:
+    from wsim.scene import Cloth, Soft, Springs
 
 KINDS = ("strain", "stress", "contact")
 TOP = 0.1                      # strain at the end of the scale
@@ -37,10 +41,10 @@ def point_strain_or_stress(body: PointBody, positions: np.ndarray, kind: str) ->
     """strain or stress of each author's point over the end of its scale, (n,); positions (n, 3) [m], author's order."""
     x = np.zeros((body.count, 3))
     x[body.index - body.first] = positions
-    source = body.source
-    if isinstance(source, Soft):
+    source: Any = body.source
+    if source.is_solid:
         corners, weights, values = _tet_strain_or_stress(body, source, x, kind)
-    elif isinstance(source, Cloth):
+    elif source.is_sheet:
         corners, weights, values = _triangle_strain_or_stress(body, source, x, kind)
     else:
         corners, weights, values = _spring_strain_values(body, source, x, kind)
@@ -50,7 +54,7 @@ def point_strain_or_stress(body: PointBody, positions: np.ndarray, kind: str) ->
     return (total / np.where(whole > 0.0, whole, 1.0))[body.index - body.first]
 
 
-def _triangle_strain_or_stress(body: PointBody, cloth: Cloth, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
+def _triangle_strain_or_stress(body: PointBody, cloth: "Cloth", x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
     corners = body.triangles - body.first
     Dm, areas = flat_edge_matrices(body.rest[corners])
     good = areas > 0.0
@@ -75,7 +79,7 @@ def _triangle_strain_or_stress(body: PointBody, cloth: Cloth, x: np.ndarray, kin
     return corners, areas, np.sqrt(uu * uu - uu * vv + vv * vv + 3.0 * uv * uv) / (TOP * cloth.material.stretch)
 
 
-def _tet_strain_or_stress(body: PointBody, soft: Soft, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
+def _tet_strain_or_stress(body: PointBody, soft: "Soft", x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
     corners = body.tets[:, :4] - body.first
     rest, now = (np.swapaxes(p[corners[:, 1:]] - p[corners[:, :1]], 1, 2) for p in (body.rest, x))
     E = np.linalg.svd(now @ np.linalg.inv(rest), compute_uv=False) - 1.0
@@ -88,7 +92,7 @@ def _tet_strain_or_stress(body: PointBody, soft: Soft, x: np.ndarray, kind: str)
     return corners, weights, 2.0 * mu * np.sqrt(1.5) * np.linalg.norm(shape, axis=1) / (TOP * soft.material.young)
 
 
-def _spring_strain_values(body: PointBody, net: Springs, x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
+def _spring_strain_values(body: PointBody, net: "Springs", x: np.ndarray, kind: str) -> tuple[np.ndarray, ...]:
     from wsim.simulation.measure.indicators import edge_lengths, edge_strain
     rest = edge_lengths(body)
     return (body.edges - body.first)[rest > 0.0], rest[rest > 0.0], np.abs(edge_strain(body, x)) / TOP

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from wsim.model.model import PointBody, make_body
-from wsim.scene import Problem, SceneError, Soft
+from wsim.scene import Problem, SceneError
 from wsim.scene.check.contact import kept_distances
 from wsim.scene.nodal.skin import embed_all_skins
 from wsim.show.colour import KINDS, NEAR, colour_scale, point_strain_or_stress, values_on_skin
 from wsim.show.prim import DrawnPrim
 from wsim.show.visible import VisibleStage
 from wsim.usd.load import read_stage
-from wsim.usd.prims.surface import OF, tet_surface_mesh
+from wsim.usd.prims.surface import OF
 from wsim.usd.result.samples import PrimFrame, particle_of_each_vertex
 
 
@@ -48,9 +48,7 @@ def _surfaces_of_tet_meshes(seen: VisibleStage, bodies: dict[str, PointBody]) ->
     for path in (d.look.path for d in seen.drawn):
         of = seen.stage.GetPrimAtPath(path).GetCustomDataByKey(OF)
         if of in bodies:
-            source = bodies[of].source
-            assert isinstance(source, Soft)
-            found[path] = of, tet_surface_mesh(source.tets)[0]
+            found[path] = of, np.unique(bodies[of].source.surface_triangles())
     return found
 
 

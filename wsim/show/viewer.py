@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from wsim.geometry.tetra.tets import tet_surface_triangles
 from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene import Cloth, Collider, Plane, Scene, Shape, Soft, Springs, Surface, samples
-from wsim.scene.methods import each_method_object
+from wsim.scene import Collider, Deformable, Plane, Scene, Shape, Surface, samples
+from wsim.scene.methods import each_method_object, has_other_objects, place_among
 from wsim.scene.nodal.skin import embed_all_skins
 from wsim.scene.solids import shape_row
 from wsim.show.camera import fit_camera_to_points, subjects_in_view
@@ -49,10 +48,11 @@ class Viewer:
         self.outlines = {c.path: _outline_of_collider(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
         self.scene, self.stream = (scene,
                                    RerunLog(Path(scene.source or "scene").stem, scene.up, save, web, self._eye_at_start(scene)))
-        self.shown = {c.path: LoggedMesh(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
+        self.shown: dict[str, LoggedMesh] = {}
         self.skins = embed_all_skins(scene)
-        for k, soft in enumerate(scene.softs):
-            self.shown |= {look.path: LoggedMesh(self.stream, look) for look in _soft_looks(soft, k)}
+        for body in scene.bodies():
+            if body.has_surface:
+                self.shown |= {look.path: LoggedMesh(self.stream, look) for look in _body_looks(body, place_among(scene, body))}
         self.stream.at(scene.start, 0.0)
         self.moved = MovedShapes(self.stream, scene)
         for collider in scene.colliders:
@@ -68,7 +68,7 @@ class Viewer:
         poses = sim.poses()
         for collider in self.scene.colliders:
             self._send_collider(collider, poses[collider.path], sim.time, False)
-        if self.scene.others:
+        if has_other_objects(self.scene):
             self.moved.send(sim.samples())
         self.stream.plot(sim.indicators())
 
@@ -84,16 +84,16 @@ class Viewer:
                 places.append(np.stack([thing.low, thing.low + thing.cell * np.array(thing.shape)]))
         return _fit_viewer_eye(places, scene.up, ROOM)
 
-    def _body(self, body: Cloth | Springs | Soft, points: np.ndarray) -> None:
-        if not isinstance(body, Springs):
+    def _body(self, body: Deformable, points: np.ndarray) -> None:
+        if body.has_surface:
             if body.path in self.shown:
                 self.shown[body.path].send(points)
             for path, skin in self.skins.items():
                 if skin.body == body.path and path in self.shown:
                     self.shown[path].send(skin.of(points))
             return
-        color = linear_to_srgb(np.array([palette_colour("springs", self.scene.springs.index(body))]))
-        lines = self.stream.rr.LineStrips3D(points[body.edges].astype(np.float32), colors=color)
+        color = linear_to_srgb(np.array([palette_colour("springs", place_among(self.scene, body))]))
+        lines = self.stream.rr.LineStrips3D(points[body.held_points()[0]].astype(np.float32), colors=color)
         self.stream.stream.log("world" + body.path, lines)
 
     def _send_collider(self, collider: Collider, pose: np.ndarray, seconds: float, first: bool) -> None:
@@ -236,21 +236,16 @@ def _smoke_beads_at(smoke, t: float) -> tuple[np.ndarray, np.ndarray]:
     return (np.zeros((0, 3)), np.zeros(0)) if density is None else smoke_beads(density, smoke.extinction)
 
 
-def _cloth_look(cloth: Cloth, number: int) -> MeshLook:
-    triangles, _ = triangulate_polygons(cloth.points, cloth.counts, cloth.indices)
-    groups = smoothing_groups(cloth.points, triangles, np.pi)
-    return MeshLook(triangles, np.array([palette_colour("cloth", number)]), normal_of=groups, path=cloth.path)
-
-
-def _soft_looks(soft: Soft, number: int) -> list[MeshLook]:
-    """How a soft body is drawn: by its skins, as far as they have faces, else by the surface of its tets."""
-    color, looks = np.array([palette_colour("soft", number)]), []
-    for skin in soft.skins:
+def _body_looks(body: Deformable, number: int) -> list[MeshLook]:
+    """How a sheet or soft body is drawn: by its skins, as far as they have faces, else by its surface."""
+    color, looks = np.array([palette_colour("cloth" if body.is_sheet else "soft", number)]), []
+    for skin in body.skins:
         triangles, _ = triangulate_polygons(skin.points, skin.counts, skin.indices)
         if len(triangles):
             looks.append(MeshLook(triangles, color, normal_of=smoothing_groups(skin.points, triangles, CREASE), path=skin.path))
-    triangles = tet_surface_triangles(soft.tets)
-    return looks or [MeshLook(triangles, color, normal_of=smoothing_groups(soft.points, triangles, CREASE), path=soft.path)]
+    triangles = body.surface_triangles()
+    groups = smoothing_groups(body.points, triangles, np.pi if body.is_sheet else CREASE)
+    return looks or [MeshLook(triangles, color, normal_of=groups, path=body.path)]
 
 
 def _outline_of_collider(shape: Shape, path: str, number: int, kind: str = "collider") -> tuple[np.ndarray, MeshLook]:

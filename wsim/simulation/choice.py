@@ -26,7 +26,7 @@ from wsim.model.model import Model, edge_lengths
 from wsim.physics.motion.stability import substeps_needed
 from wsim.scene import Scene
 from wsim.scene.integrator import TABLE, Integrator
-from wsim.scene.methods import has_collisions, method_colliders
+from wsim.scene.methods import has_collisions, has_tets, method_colliders, solid_materials
 from wsim.simulation import cost
 from wsim.simulation.duration import percent_of_size
 from wsim.simulation.predicted import errors, sag, sweep_strain
@@ -102,7 +102,7 @@ def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
         return replace(_choose_by_scene(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
     if scene.solver == "explicit" or (method and method.explicit):
         return _choose_explicit(model, method)
-    if scene.softs:
+    if has_tets(scene):
         return _choose_for_soft_bodies(model, method)
     if scene.solver in ("xpbd", "implicit"):
         return _choice_as_named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
@@ -140,7 +140,7 @@ def _choose_for_soft_bodies(model: Model, method: Integrator | None) -> SchemeCh
         return replace(newton, why=reason)
     from wsim.physics.motion.frequency import frequency_bound
     omega, c = frequency_bound(model)
-    stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
+    stiffens = any(m.model not in ("corotational", "linear") for m in solid_materials(scene))
     n = _substeps_for_collisions(model, ceil(substeps_needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0)))
     explicit = cost.seconds_of_counts(model, cost.count_explicit_frame(model, n))
     newton = replace(newton, omega=omega)

@@ -44,11 +44,17 @@ from math import inf, sqrt
 
 import numpy as np
 
-from wsim.model import kernel_cache
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, kind_row
-from wsim.scene import Soft, Surface
-from wsim.scene.methods import each_method_object, has_self_collision, loads_on_deformables
+from wsim.scene import Surface
+from wsim.scene.methods import (
+    feels_air,
+    has_self_collision,
+    has_tets,
+    loads_on_deformables,
+    other_objects,
+    solid_materials,
+)
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -112,9 +118,9 @@ def count_explicit_frame(model: Model, n: int) -> dict[str, float]:
     """Counts of a frame of n substeps of leapfrog."""
     springs, work, kinds = _count_soft_constraints(model)
     tets, simple = (_weighted_number_of_tets(model, 0),
-                    not (model.scene.colliders or model.scene.softs or work > springs or has_self_collision(model.scene)))
+                    not (model.scene.colliders or has_tets(model.scene) or work > springs or has_self_collision(model.scene)))
     damped = any(r.tau for r in model.constraints)
-    blown = any(cloth.feels_air for cloth in model.scene.cloths)
+    blown = feels_air(model.scene)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
     if blocks_take_whole_frames(model, kinds):
@@ -126,7 +132,7 @@ def count_explicit_frame(model: Model, n: int) -> dict[str, float]:
                 "limited": (n + sends) * limited, **_count_colliders_of_blocks(model, n)}
     if all_elements_are_packed(model, kinds):
         scene = model.scene
-        aired = n * model.points * any(c.feels_air for c in scene.cloths)
+        aired = n * model.points * feels_air(scene)
         within = aired or scene.colliders or _any_hard_constraint(model) or any(p.stiffness < inf for p in scene.pins)
         return {"step": n, "packed": n * work, "beside": n * model.points * bool(within), "aired": aired,
                 **_count_contact_work(model, n, 1)}
@@ -142,8 +148,9 @@ def blocks_take_whole_frames(model: Model, kinds: set[str]) -> bool:
         return False
     from wsim.physics.motion.fused.domain_decomposition import KINDS, SHARED, blocks_take_acts
     scene = model.scene
-    apart = any(s.quadratic or s.pressure or any(m.yield_strain < inf for m in s.materials) for s in scene.softs)
-    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and blocks_take_acts(model)
+    apart = any(body.quadratic or body.pressure for body in scene.bodies()) or any(
+        m.yield_strain < inf for m in solid_materials(scene))
+    return (model.device.arch >= 90 and bool(kinds or has_tets(scene)) and kinds <= KINDS and blocks_take_acts(model)
             and not (apart or has_self_collision(scene)) and model.points <= SHARED and model.dtype is np.float32
             and model.worlds == 1 and not model.gradients)
 
@@ -157,7 +164,7 @@ def _count_colliders_of_blocks(model: Model, n: int) -> dict[str, float]:
 
 def all_elements_are_packed(model: Model, kinds: set[str]) -> bool:
     """True if explicit steps take all elements in packets."""
-    apart = model.device.is_cuda or model.gradients or model.scene.softs or loads_on_deformables(model.scene)
+    apart = model.device.is_cuda or model.gradients or has_tets(model.scene) or loads_on_deformables(model.scene)
     return bool(kinds) and not apart and all(kind_row(kind).packets for kind in kinds)
 
 
@@ -199,7 +206,7 @@ def cluster_solves_bodies(model: Model) -> bool:
 
 def highest_frequency(model: Model) -> float:
     """The highest frequency of a scene without soft bodies [rad/s]."""
-    if model.scene.softs:
+    if has_tets(model.scene):
         return 0.0
     from wsim.physics.motion.frequency import frequency_bound
     return frequency_bound(model)[0]
@@ -210,7 +217,7 @@ def count_frame_of_choice(model: Model, choice) -> dict[str, float]:
     n = choice.substeps
     if choice.solver == "explicit":
         return count_explicit_frame(model, n) | _count_other_objects(model, n, 0)
-    if model.scene.softs:
+    if has_tets(model.scene):
         return count_newton_of_soft_bodies(model, n, choice.iterations,
                                            choice.omega) | _count_other_objects(model, n, n * choice.iterations)
     if choice.solver == "implicit":
@@ -224,10 +231,10 @@ def _count_other_objects(model: Model, n: int, steps: int) -> dict[str, float]:
     scene = model.scene
     convex = sum(not isinstance(c.shape, Surface) for c in scene.colliders)
     rate = n * scene.fps                                             # steps a second
-    damped = sum(len(b.tets) * sqrt(1.0 + rate * most) for b in model.bodies if isinstance(b.source, Soft)
-                 and (most := max((m.damping for m in b.source.materials), default=0.0)))
+    damped = sum(len(b.tets) * sqrt(1.0 + rate * most) for b in model.bodies
+                 if b.source.is_solid and (most := b.source.damping_time))
     rods = scene.things("Rods")
-    others = [thing for name, found in scene.others.items() for thing in found if name not in OTHERS]
+    others = [thing for thing in other_objects(scene) if type(thing).__name__ not in OTHERS]
     substep: dict[str, float] = {}
     each_frame: dict[str, float] = {}
     if any(scene.things(name) for name in OTHERS[1:4]):
@@ -278,19 +285,3 @@ def _count_contact_work(model: Model, n: int, iterations: int) -> dict[str, floa
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
     return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes,
             "wide": meshes * model.points * n / (n * model.scene.fps + SLOW)} | own if model.scene.colliders else own
-
-
-FEW = 48          # rigid bodies of all worlds. Contacts are solved one after the other, where they share a body: on an H200 30
-                  # dominoes take 5.3 ms a frame and an arch of 18 blocks 5.3, on a core beside it 2.9 and 1.6; 55 in a pyramid
-                  # take as long on both
-
-
-def choose_device(name, scene, worlds: int, gradients: bool):
-    """The device of a name; None: the CPU for FEW rigid bodies alone, else the GPU if there is one. Raises SceneError for a
-    name that no device has."""
-    device = kernel_cache.warp_device(name)
-    few = 0 < len(scene.things("Body")) * worlds <= FEW and not gradients
-    if name is None and device.is_cuda and few and not scene.bodies() and all(row.name == "rigid"
-                                                                              for row, _ in each_method_object(scene)):
-        device = kernel_cache.warp_device("cpu")
-    return device

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from statistics import median
 
+from wsim.scene.methods import has_sheets
+
 DEAR = 10.0              # steps over those that a scene names, from which a run looks for triangles that need them
 SLOW = 10.0              # [s] a frame: beyond, a run says so before it starts
 
@@ -26,7 +28,7 @@ def warn_steps(plan, fps: float | None = None) -> list[str]:
                 f"{_format_short_time(plan.seconds)}; a coarser mesh or a GPU (--device cuda:0) takes less"]
     steps, scene = plan.choice.steps, plan.model.scene
     late += plan.choice.need.warnings(scene, plan.choice.substeps)
-    if scene.cloths and steps > DEAR * scene.substeps:
+    if has_sheets(scene) and steps > DEAR * scene.substeps:
         from wsim.scene.check.slivers import warn_of_slivers
         late += map(str, warn_of_slivers(scene, steps))
     if not plan.fits:

@@ -15,7 +15,7 @@ import numpy as np
 from wsim.model.midnodes import places_with_midnodes, with_midnode_values
 from wsim.model.model import PointBody, edge_lengths
 from wsim.model.stage import ByWorld
-from wsim.scene import Motion, Problem, SceneError, Soft
+from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import objects
 from wsim.scene.methods import object_at_path, objects_with_values
 from wsim.scene.nodal.separate import separate_coincident_ends
@@ -209,7 +209,7 @@ def _require_representable(sim: Simulation, path: str, name: str, values: np.nda
 
 def _numbers_of_elements(sim: Simulation, row: ValueRow, thing, path: str, world: int | None) -> set[int]:
     """Numbers of elements that may have a value each: of all of a body's constraints of that name, or its tets."""
-    if isinstance(thing, Soft):
+    if getattr(thing, "is_solid", False):
         return {len(thing.tets)} if row.tets else set()
     if hasattr(thing, "driven"):
         return {len(thing.driven())}

@@ -20,7 +20,19 @@ from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Simul
 from wsim.model.status import FrameStatus
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
-from wsim.scene.methods import METHODS, MethodRow, has_self_collision, loads_on_deformables, method_colliders
+from wsim.scene.methods import (
+    METHODS,
+    MethodRow,
+    deforming_classes,
+    feels_air,
+    has_other_objects,
+    has_self_collision,
+    has_sheets,
+    has_tets,
+    loads_on_deformables,
+    method_colliders,
+    solid_materials,
+)
 from wsim.scene.nodal.separate import separate_coincident_ends
 from wsim.simulation.choice import SchemeChoice
 
@@ -79,7 +91,7 @@ class Build:
     @property
     def edges(self) -> bool:
         """True if edges of cloths meet colliders; not by Newton's method, which knows planes of points."""
-        if not (self.scene.cloths and (self.scene.colliders or self.scene.others)):
+        if not (has_sheets(self.scene) and (self.scene.colliders or has_other_objects(self.scene))):
             return False
         from wsim.scene.check.sharp import has_edge_contacts
         return has_edge_contacts(self.scene) and not self.model.gradients and self.choice.solver != "implicit"
@@ -128,23 +140,23 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "points": lambda b: "there are points that move" if b.model.bodies else "",
     "pins": lambda b: f"{len(b.scene.pins)} pins" if b.scene.pins else "",
     "explicit": _reason_for_solver("explicit"),
-    "aero": lambda b: "a cloth has drag or lift" if any(c.feels_air for c in b.scene.cloths) else "",
+    "aero": lambda b: "a cloth has drag or lift" if feels_air(b.scene) else "",
     "implicit": _reason_for_solver("implicit"),
     "xpbd": _reason_for_xpbd,
     "contact": _reason_for_contact,
     "selfcontact": lambda b: "surfaces collide with themselves" if has_self_collision(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
     "volume": lambda b: "the corotational law may lose volume" if not b.model.gradients and any(
-        m.model == "corotational" for s in b.scene.softs for m in s.materials) else "",
-    "muscles": lambda b: "springs have an actuation" if any(s.actuation for s in b.scene.springs) else "",
+        m.model == "corotational" for m in solid_materials(b.scene)) else "",
+    "muscles": lambda b: "springs have an actuation" if any(body.actuation for body in b.scene.bodies()) else "",
     "loads": lambda b: f"{len(found)} loads" if (found := loads_on_deformables(b.scene)) else "",
 }
 
 
 def reason_for_method(row: MethodRow, b: Build) -> str:
     """Reason why a scene needs a method, or ""."""
-    if row.name in NEEDED:
-        return NEEDED[row.name](b)
+    if row.name in NEEDED or row.deforms:
+        return "" if row.deforms else NEEDED[row.name](b)
     counts = {name: len(b.scene.things(name)) for name in row.owns}
     if row.owns and not counts[row.owns[0]]:                    # what the others are about
         return ""
@@ -157,7 +169,7 @@ def build_method_of_row(row: MethodRow, b: Build) -> Method | None:
         from wsim.scene.values.coverage import gradient_refusal
         if row.name == "selfcontact":
             raise gradient_refusal("surfaces",
-                                   next(body.path for body in b.scene.bodies() if getattr(body, "self_collision", False)))
+                                   next(body.path for body in b.scene.bodies() if body.self_collision))
         path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
         raise gradient_refusal("method", path, method=row.name)
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
@@ -178,9 +190,9 @@ def add_watching_methods(b: Build) -> None:
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
     ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
-    ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
+    ("fem", "there is no soft body", lambda b: has_tets(b.scene)),
     ("gradients", "not asked for", lambda b: b.model.gradients),
-    ("membrane", "no cloth has triangle strain", lambda b: any(c.model == "membrane" for c in b.scene.cloths)),
+    ("membrane", "no cloth has triangle strain", lambda b: any(body.model == "membrane" for body in b.scene.bodies())),
 ]
 
 
@@ -189,21 +201,17 @@ TOLD = {"tether", "membrane", "distance", "dihedral", "limit"}          # kinds 
 
 def kernel_signature(b: Build) -> list:
     """Part of a scene that decides which kernels it needs: scenes that agree in it share a Warp module."""
-    scene, inf = b.scene, float("inf")
+    scene = b.scene
     others = [row.role("method").signature(b) for row in METHODS if b.reasons.get(row.name) and row.owns
               and hasattr(row.role("method"), "signature")]
     return [sorted(name for name, reason in b.reasons.items() if reason and name != "watch"), others, b.model.real.__name__,
             b.choice.solver, b.choice.integrator.name, b.choice.iterations > 1,
-            sorted({type(c.shape).__name__ for c in scene.colliders}), bool(scene.springs),
-            sorted({(c.model, c.material.damping > 0, c.material.bend > 0, isfinite(c.material.strain_limit), c.tethers)
-                    for c in scene.cloths}),
-            sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
-            sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
-                    for s in scene.softs for m in s.materials}),
+            sorted({type(c.shape).__name__ for c in scene.colliders}), any(body.is_net for body in scene.bodies()),
+            *(sorted({trait for body in scene.things(name) for trait in body.kernel_traits()}) for name in deforming_classes()),
             sorted({isfinite(p.stiffness) for p in scene.pins}),
             *("clearance" for _ in [0] if b.free), *("edges" for _ in [0] if b.edges),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
-            *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
+            *["muscles"] * any(body.actuation for body in scene.bodies()),
             *("loads" for _ in loads_on_deformables(scene)[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]
 
 

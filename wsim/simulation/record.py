@@ -91,7 +91,7 @@ def append_sample(recorder: "Recorder", sim: "Simulation", code: float, stress: 
     others       further samples, see `wsim.scene.samples`
     """
     scene, paths = recorder.scene, [body.path for body in recorder.scene.bodies()]
-    primvars = {s.path: sim.stress(s.path).at_points() for s in scene.softs if stress}
+    primvars = {s.path: sim.stress(s.path).at_points() for s in scene.bodies() if s.is_solid and stress}
     forces = {p.path: sim.reactions(p.path) for p in all_scene_pins(scene) if reactions}
     recorder.notes += [note for path in forces if not recorder.stage.GetPrimAtPath(path)
                        for note in [_unwritten_reaction_note(path)] if note not in recorder.notes]

@@ -13,6 +13,7 @@ from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
 from wsim.scene.curve import Curve
 from wsim.scene.integrator import TABLE
+from wsim.scene.methods import has_other_objects
 from wsim.scene.values.table import limits_explicit_steps
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import format_duration
@@ -127,7 +128,7 @@ def worlds_not_finite(sim: Simulation) -> set[int]:
 def _drop_worlds(sim: Simulation) -> bool:
     """Takes worlds out that are not finite, where others are: each stands still at its start from here on, and the others do
     not change. False where all of them are, so that steps are too long for any, or where there is more than points."""
-    broken = worlds_not_finite(sim) if sim.worlds > 1 and not sim.scene.others else set()
+    broken = set() if sim.worlds == 1 or has_other_objects(sim.scene) else worlds_not_finite(sim)
     if not broken or len(broken | sim.lost.keys()) == sim.worlds:
         return False
     sim.state.restore_snapshot()
@@ -230,7 +231,6 @@ def _switch_solver(sim: Simulation) -> bool:
     kept = {name: sim.state.points.arrays[name].numpy() for name in ("x", "e", "v")}
     flowed = {(part.name, f.name): part.arrays[f.name].numpy() for part in _parts_but_points(sim.state) for f in part.kept}
     other = sim.plan.choice.other
-    assert other is not None
     sim.scene = replace(scene, solver=other.solver, integrator="backward_euler", substeps=other.substeps,
                         iterations=other.iterations)
     sim.plan = plans.build_plan(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)

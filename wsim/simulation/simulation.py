@@ -21,7 +21,7 @@ from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.counts import checked_count
 from wsim.scene.check.scene import check_scene
-from wsim.simulation import cost, duration, interrupt, retry
+from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.captures import FrameGraphs, capture_forms, capture_frame
@@ -60,7 +60,7 @@ class Simulation:
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
         self.given, self.precision, self.worlds = scene, precision, checked_count("worlds", worlds, 1)
-        self.gradients, self.fps, self.device = gradients, fps, cost.choose_device(device, scene, self.worlds, gradients)
+        self.gradients, self.fps, self.device = gradients, fps, plans.choose_device(device, scene, self.worlds, gradients)
         self.warnings, self.overlaps = [str(p) for p in (*scene.notes, *problems)], any(p.overlap for p in problems)
         self.seconds: dict[str, float] = {}
         self.graphs = FrameGraphs()

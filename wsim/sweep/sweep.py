@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.methods import other_objects
 from wsim.sweep.case import SweepCases, absolute_draw_paths, motion_digest
 from wsim.sweep.folder import SweepFolder
 from wsim.sweep.job import Job, Settings
@@ -89,8 +90,9 @@ class Sweep:
         """Rows of parts as they end."""
         if not runs:
             return
-        if len(runs) > 1 and self.base.others and self.job.runs == Job.runs:
-            self.said(f"runs go one after another on each worker: worlds of {', '.join(sorted(self.base.others))} share no "
+        others = sorted({type(thing).__name__ for thing in other_objects(self.base)})
+        if len(runs) > 1 and others and self.job.runs == Job.runs:
+            self.said(f"runs go one after another on each worker: worlds of {', '.join(others)} share no "
                       "arrays in a sweep")
         if self.job.settings.remote:
             from wsim.sweep.cluster import RayCluster

@@ -15,6 +15,7 @@ from typing import Any
 
 from wsim.model import kernel_cache
 from wsim.scene import Scene, SceneError
+from wsim.scene.methods import has_other_objects
 from wsim.simulation import plan as plans
 from wsim.simulation.predicted import sag
 from wsim.simulation.retry import FixedStepsError
@@ -44,7 +45,7 @@ class Worker:
     def most(self, scene: Scene) -> int:
         """Worlds that share arrays at most."""
         asked, points = self.job.settings.worlds, sum(len(b.points) for b in scene.bodies())
-        if scene.others or not points:
+        if has_other_objects(scene) or not points:
             return 1
         most = asked or (4096 if self.device.is_cuda else max(1, SMALL // points))
         if most > 1 and self.device.is_cuda:
@@ -74,7 +75,8 @@ class Worker:
     def resolved_scheme(self, case: SweepCase) -> tuple:
         """Solver, integrator, substeps, iterations that its scene comes to."""
         scene = case.scene.single() if self.job.settings.precision == "float32" else case.scene
-        if not scene.bodies() or scene.others or (scene.solver in ("xpbd", "implicit") and scene.integrator != "auto"):
+        named = scene.solver in ("xpbd", "implicit") and scene.integrator != "auto"
+        if not scene.bodies() or has_other_objects(scene) or named:
             return scene.solver, scene.integrator, sag.rigid_body_substeps(scene), scene.iterations
         choice = plans.choice_of_scene(scene, device=self.device, real=self.real)
         return choice.solver, choice.integrator.name, choice.steps, choice.iterations

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wsim.scene.methods import has_other_objects
 from wsim.simulation.measure.indicators import edge_strain
 from wsim.usd.result.as_json import as_json
 from wsim.usd.result.provenance import content_digest
@@ -39,7 +40,7 @@ class FinishedWorld:
 
 def worlds_of(sim: "Simulation") -> list[FinishedWorld]:
     """Every world now."""
-    if sim.scene.others or not sim.model.bodies:
+    if has_other_objects(sim.scene) or not sim.model.bodies:
         state = {path: sim.fields(path) for path in sim.state.paths()}
         return [FinishedWorld(sim.indicators(), list(sim.warnings),
                               content_digest([sorted(state[p].items()) for p in sorted(state)]))]

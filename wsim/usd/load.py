@@ -6,22 +6,29 @@ seen. Instance proxies collide, but cannot be cloth, since a result cannot be wr
 
 import os
 from dataclasses import dataclass, field
+from importlib import import_module
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check_scene
-from wsim.scene.methods import claiming_method, has_method_objects, method_file
+from wsim.scene.methods import (
+    claiming_method,
+    deforming_classes,
+    has_method_objects,
+    method_file,
+    pins_of_object,
+    point_objects,
+    scene_skins,
+)
 from wsim.usd import names
 from wsim.usd import stage as stages
 from wsim.usd.attributes import read_attribute
 from wsim.usd.load_varying import attach_varying
-from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
 from wsim.usd.prims.numbers import refuse_numbers, refuse_types
 from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, load_tie
-from wsim.usd.prims.springs import load_springs
 from wsim.usd.settings import authored_frame_count, load_settings, refuse_units, warn_missing_time_range
 from wsim.usd.spelling import check_spelling, warn_missing_targets
 
@@ -100,10 +107,9 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
             collider = load_collider(reading, prim)
             if collider is not None:
                 scene.colliders.append(collider)
-    rods = scene.things("Rods")
-    by_path = {thing.path: thing for thing in (*scene.bodies(), *rods)}
-    above = {str(body.GetPath()): by_path.get(str(prim.GetPath())) for prim, body in pairs}
-    by_path = {**{k: v for k, v in above.items() if v is not None}, **by_path}
+    by_path = {thing.path: thing for thing in point_objects(scene)}
+    above = {str(body.GetPath()): by_path[path] for prim, body in pairs if (path := str(prim.GetPath())) in by_path}
+    by_path = {**above, **by_path}
     failed = any(problem.fatal for problem in reading.problems)
     for prim in found.attachments if not failed else ():
         if is_tie(prim) and not is_followed(reading, prim):
@@ -112,7 +118,7 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
             continue
         pin = load_pin(reading, prim, by_path)
         if pin is not None:
-            next((each.pins for each in rods if each.path == pin.body), scene.pins).append(pin)
+            pins_of_object(scene, pin.body).append(pin)
     if found.loads and not failed:
         from wsim.usd.prims.loads import load_applied_force
         scene.loads += [load for prim in found.loads if (load := load_applied_force(reading, prim, by_path)) is not None]
@@ -136,25 +142,19 @@ def _load_deformable_body(reading: stages.StageReading, scene: Scene, prim: Usd.
             root = root.GetParent()
         reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents "
                      f"cannot be written over; author instanceable = false on {root.GetPath()}")
-    elif names.VOLUME_SIM in apis:
-        from wsim.usd.prims.soft import load_soft
-        soft = load_soft(reading, prim, body)
-        if soft is not None:
-            scene.softs.append(soft)
-            scene.pins += load_painted(reading, prim, soft)
-    elif names.SURFACE_SIM in apis:
-        cloth = load_cloth(reading, prim, body)
-        if cloth is not None:
-            scene.cloths.append(cloth)
-            scene.pins += load_painted(reading, prim, cloth)
+    elif names.VOLUME_SIM in apis or names.SURFACE_SIM in apis:
+        kind = "soft" if names.VOLUME_SIM in apis else "cloth"
+        if (thing := import_module(f"wsim.usd.prims.{kind}").load_body(reading, prim, body)) is not None:
+            scene.pins += load_painted(reading, prim, scene.add(thing))
     elif names.WSIM_SPRINGS not in apis and (rods := method_file("Rods", "usd")).simulates(prim):
         found = rods.load_rods(reading, prim, body)
         if found is not None:
             scene.add(found)
     else:
+        from wsim.usd.prims.springs import load_body as load_springs
         springs = load_springs(reading, prim, body)
         if springs is not None:
-            scene.springs.append(springs)
+            scene.add(springs)
 
 
 def _classify_prims(reading: stages.StageReading) -> SortedPrims:
@@ -260,8 +260,8 @@ def _sort_things(scene: Scene, scenes: list[Usd.Prim]) -> None:
         except Tf.ErrorException:
             raise SceneError(Problem(str(relationship.GetPath()), "is an attribute in some layer; it must be a relationship: "
                                      "author it again")) from None
-        lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins, scene.ties, scene.loads]
-        for kind in [*lists, *(soft.skins for soft in scene.softs)]:
+        lists: list[list] = [scene.colliders, scene.pins, scene.ties, scene.loads, *(body.skins for body in scene.bodies())]
+        for kind in [*(scene.things(name) for name in deforming_classes()), *lists]:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 
 
@@ -270,7 +270,7 @@ def _finish_scene(reading: stages.StageReading, scene: Scene, found: SortedPrims
     attach_varying(reading, scene)
     if found.skel_roots:
         from wsim.usd.prims.skeletons import refuse_skinned
-        solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
+        solid = [*scene.bodies(), *scene_skins(scene), *scene.colliders]
         refuse_skinned(reading, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies() or has_method_objects(scene):

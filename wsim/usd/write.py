@@ -3,14 +3,15 @@
 import os
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
-from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie, Varying
+from wsim.scene import Cloth, Collider, Deformable, Load, Pin, Problem, Scene, SceneError, Soft, Springs, Tie, Varying
 from wsim.scene.check.scene import check_scene
 from wsim.scene.fabric import Fabric
-from wsim.scene.methods import each_method_object, owning_method
+from wsim.scene.methods import each_method_object, owning_method, point_objects, scene_skins
 from wsim.scene.solid import Bulk
 from wsim.scene.values import table
 from wsim.usd import names
@@ -43,12 +44,11 @@ def save(scene: Scene, path) -> None:
 
 
 def _author_scene(stage: Usd.Stage, scene: Scene, units: StageUnits) -> None:
-    objects: list[Cloth | Springs | Soft | Collider | Pin | Tie | Load] = [
-        *scene.bodies(), *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
-    taken = {thing.path for thing in [*objects, *_scene_skins(scene), *(thing for _, thing in each_method_object(scene))]}
+    objects: list[Any] = [*scene.bodies(), *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
+    taken = {thing.path for thing in [*objects, *scene_skins(scene), *(thing for _, thing in each_method_object(scene))]}
     settings = author_solver_settings(stage, _unused_path("/physicsScene", taken), scene, units)
     materials = _MaterialPaths(_unused_path("/materials", taken), scene)
-    by_path = {thing.path: thing for thing in (*scene.bodies(), *scene.things("Rods"))}
+    by_path = {thing.path: thing for thing in point_objects(scene)}
     for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie, Load)), thing.path.count("/"))):
         _define_parent_prims(stage, thing.path)
         if isinstance(thing, Cloth):
@@ -78,7 +78,7 @@ def _author_scene(stage: Usd.Stage, scene: Scene, units: StageUnits) -> None:
     if scene.varying:
         author_varying(stage, scene, settings, units)
     settings.CreateRelationship(names.ORDER, False).SetTargets(
-        [Sdf.Path(thing.path) for thing in [*objects, *_scene_skins(scene)]])
+        [Sdf.Path(thing.path) for thing in [*objects, *scene_skins(scene)]])
     stage.SetDefaultPrim(stage.GetPrimAtPath(Sdf.Path(objects[0].path).GetPrefixes()[0]) if objects else settings)
 
 
@@ -94,10 +94,6 @@ def _author_soft(stage: Usd.Stage, soft: Soft, materials: "_MaterialPaths", take
     author_soft(stage, soft, paths, parts, units, frames)
 
 
-def _scene_skins(scene: Scene) -> list[Skin]:
-    return [skin for soft in scene.softs for skin in soft.skins]
-
-
 class _MaterialPaths:
     """Paths of materials: one for each different fabric, solid or friction, named after the first object that has it. An object
     of which something varies in time has its own."""
@@ -106,11 +102,10 @@ class _MaterialPaths:
         self.scope, self.varying = scope, {v.path for v in scene.varying}
         self.paths: dict[tuple, str] = {}
 
-    def of(self, thing: Cloth | Springs | Collider) -> str:
-        if isinstance(thing, Cloth):
-            return self.of_value(thing.material, thing.path)
-        friction = (thing.static_friction, thing.dynamic_friction) if isinstance(thing, Springs) else surface_values(thing)
-        return self.of_value(friction, thing.path)
+    def of(self, thing: Deformable | Collider) -> str:
+        if isinstance(thing, Collider):
+            return self.of_value(surface_values(thing), thing.path)
+        return self.of_value(thing.materials[0] if thing.materials else thing.friction, thing.path)
 
     def of_value(self, what: Fabric | Bulk | tuple[float, ...], owner: str) -> str:
         """Value of an object by its path."""
@@ -137,10 +132,10 @@ def _define_parent_prims(stage: Usd.Stage, path: str) -> None:
 
 def _path_problems(scene: Scene) -> list[Problem]:
     """Paths that a stage cannot hold."""
-    solid = [*scene.bodies(), *_scene_skins(scene), *scene.colliders]
+    solid: list[Any] = [*scene.bodies(), *scene_skins(scene), *scene.colliders]
     problems: list[Problem] = []
     geometry = [thing.path for thing in solid]
-    if scene.softs:
+    if scene_skins(scene):
         from wsim.usd.prims.skins import skin_problems
         problems += skin_problems(scene)
     moving = {thing.path: thing.motion for thing in scene.colliders}
@@ -153,7 +148,7 @@ def _path_problems(scene: Scene) -> list[Problem]:
             problems.append(Problem(thing.path, f"lies below {above[0]}, which is geometry; give it a place of its "
                                                 "own"))
     for pin in scene.pins:
-        if pin.target in {thing.path for thing in [*scene.bodies(), *_scene_skins(scene)]}:
+        if pin.target in {thing.path for thing in [*scene.bodies(), *scene_skins(scene)]}:
             problems.append(Problem(pin.path, f"hangs on {pin.target}, which is simulated; name an Xform or a "
                                               "collider"))
         if pin.follows is None and pin.target and pin.target in moving and moving[pin.target] != pin.motion:
@@ -254,7 +249,7 @@ def _author_varying_value(reading: StageReading, scene: Scene, thing, varying: V
     if row.usd is None or row.usd.schema not in table.MATERIALS:
         return [author_attribute(prim, kind.__name__, name, value, units, time=units.code(time))]
     through = None
-    if kind is Cloth and name == "stretch":
+    if getattr(thing, "is_sheet", False) and name == "stretch":
         nu = [float(v.curve.at(time)) for v in _varying_poisson(scene, thing.path)]
         through = plane_stress_conversion(nu[0] if nu else thing.material.poisson)
     return [author_attribute(bound_physics_material(reading, prim), HOLDERS[kind.__name__], name, value, units, through,

@@ -77,7 +77,7 @@ def net(**kwargs) -> Scene:
     edges = np.stack([np.arange(11), np.arange(1, 12)], axis=1)
     chain = Springs("/chain", points, edges, masses=0.01, stiffness=np.array([kwargs.pop("stiffness", 40.0)]),
                     damping=kwargs.pop("damping", 1e-3), lengths=kwargs.pop("lengths", None))
-    return Scene(**({"springs": [chain], "pins": [Pin("/pin", "/chain", np.array([0]))], "fps": 60, "frames": 4,
+    return Scene(**({"objects": {"Springs": [chain]}, "pins": [Pin("/pin", "/chain", np.array([0]))], "fps": 60, "frames": 4,
                      "air_drag": 0.4, "solver": "explicit", "substeps": 40} | kwargs))
 
 
@@ -107,7 +107,7 @@ def sheet(model: str, **kwargs) -> Scene:
     fabric = Fabric(stretch=40.0, weft=25.0 * (model == "membrane"), shear=15.0, bend=2e-4, density=150.0,
                     thickness=1e-3, poisson=0.2 * (model == "membrane"), damping=kwargs.pop("damping", 0.0))
     cloth = Cloth("/cloth", points, counts, indices, rest_points=rest, model=model, material=fabric)
-    return Scene(cloths=[cloth], pins=[Pin("/pin", "/cloth", np.array([20, 24]))], fps=60, frames=4, air_drag=0.2,
+    return Scene(objects={"Cloth": [cloth]}, pins=[Pin("/pin", "/cloth", np.array([20, 24]))], fps=60, frames=4, air_drag=0.2,
                  **({"solver": "explicit", "integrator": "leapfrog", "substeps": 50} | kwargs))
 
 
@@ -128,5 +128,5 @@ def bar(model: str, **kwargs) -> Scene:
     ends = np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6)
     spin = np.stack([0 * points[:, 0], -4.0 * points[:, 2] * points[:, 0], 4.0 * points[:, 1] * points[:, 0]], axis=1)
     soft = Soft("/bar", points, tets, velocities=spin, material=Bulk(2e4, 0.35, 1e3, model, damping=kwargs.pop("damping", 0.0)))
-    return Scene(softs=[soft], pins=[Pin("/pin", "/bar", ends)], fps=60, frames=4,
+    return Scene(objects={"Soft": [soft]}, pins=[Pin("/pin", "/bar", ends)], fps=60, frames=4,
                  **({"solver": "explicit", "integrator": "leapfrog", "substeps": 40} | kwargs))

@@ -43,7 +43,8 @@ def everything() -> Scene:
 
 def swept() -> Scene:
     """The same by XPBD, without what it has not."""
-    scene = replace(everything(), solver="xpbd", integrator="backward_euler", substeps=10, iterations=3, softs=[])
+    scene = replace(everything(), solver="xpbd", integrator="backward_euler", substeps=10, iterations=3)
+    scene.softs = []
     scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=0.01)
     return scene
 

@@ -98,7 +98,7 @@ def test_a_skeleton_that_was_not_added_and_a_motion_that_is_another():
     scene = made()
     scene.colliders[0].motion = wsim.scene.Motion.at_place((1.0, 0.0, 0.0))
     assert "/man/body: its points follow /man/bones, and its motion is another" in said(scene)
-    scene.others.clear()
+    scene.objects.pop("Skeleton")
     assert ("/man/body: it follows /man/bones, which is not in the scene; allowed: a skeleton of the scene; fix: add it"
             in said(scene))
 

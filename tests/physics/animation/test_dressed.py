@@ -65,7 +65,8 @@ def test_the_joints_that_a_run_wrote_move_cloth_alike_when_they_are_played_back(
     again, played = one()[0], np.array(found)
     bones = Skeleton("/man/bones", ("a",), np.eye(4)[None], times=np.arange(7) / 24.0, translations=played[:, None, :3],
                      rotations=played[:, None, 3:])
-    again.others.clear()
+    for name in ("Body", "Joint", "Skeleton"):
+        again.objects.pop(name, None)
     again.add(bones)
     again.colliders[0].shape.poses = Skinned(bones, skin.points, skin.joints, skin.weights)
     second = wsim.Simulation(again, device="cpu", precision="float64")

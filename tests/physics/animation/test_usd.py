@@ -12,6 +12,7 @@ from tests.physics.animation.make import CHARACTERS, JOINTS, bones, lump, scene_
 from wsim.physics.animation.objects import DUAL, LINEAR, BlendShape, Follow, Skeleton, Skinned
 from wsim.scene import Scene, shapes
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.methods import other_objects
 
 
 @pytest.fixture
@@ -105,7 +106,7 @@ def test_a_loaded_character_is_saved_and_read_back(tmp_path, asset):
 
 def test_a_skeleton_that_nothing_follows_is_not_in_the_scene(read):
     scene = read(cloth() + character(mesh('prepend apiSchemas = ["SkelBindingAPI"]')))
-    assert not scene.others and not scene.colliders
+    assert not other_objects(scene) and not scene.colliders
 
 
 def test_joints_are_found_by_name_whatever_the_order_of_animation_and_mesh(read):

@@ -37,7 +37,8 @@ def film(damping: float = 0.0, area: float = AREA, **more) -> Scene:
     points[:, 2] = 0.3 * points[:, 0]**2 + 0.1 * points[:, 0] * points[:, 1]
     fabric = Film(stretch=STRETCH, shear=0.0, bend=0.0, density=150.0, thickness=1e-3, damping=damping, area=area)
     cloth = Cloth("/cloth", points, counts, indices, rest_points=rest, model="springs", material=fabric)
-    return Scene(**{"cloths": [cloth], "pins": [Pin("/pin", "/cloth", np.array([12, 15]))], "fps": 60, "frames": 3} | more)
+    pins = [Pin("/pin", "/cloth", np.array([12, 15]))]
+    return Scene(**{"objects": {"Cloth": [cloth]}, "pins": pins, "fps": 60, "frames": 3} | more)
 
 
 class Reference:

@@ -22,7 +22,7 @@ def test_a_body_that_is_pushed_takes_as_much_air_along_as_it_displaces(advection
 def test_without_air_it_is_twice_as_fast():
     mass = 1.2 * np.pi * RADIUS ** 2 * CELL
     scene = room(force=(mass * 1.0, 0.0, 0.0))
-    scene.others.pop("Fluid")
+    scene.objects.pop("Fluid")
     sim = Simulation(scene, device="cpu")
     for _ in range(6):
         sim.step()

@@ -87,7 +87,7 @@ def test_bodies_within_a_body_move_by_themselves(tmp_path):
 
 def test_bodies_within_bodies_are_saved_in_any_order(tmp_path):
     scene = written(tmp_path / "arm.usda", ARM)
-    turned = replace(scene, others={kind: things[::-1] for kind, things in scene.others.items()})
+    turned = replace(scene, objects={kind: things[::-1] for kind, things in scene.objects.items()})
     for k, given in enumerate((scene, turned)):
         save(given, tmp_path / f"{k}.usda")
         again = {body.path: body for body in load(tmp_path / f"{k}.usda").things("Body")}

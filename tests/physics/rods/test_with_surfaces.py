@@ -110,7 +110,7 @@ def test_ropes_are_proven_against_each_other_as_well():
     """Two ropes that a cloth is thrown at: no pair of any passes, and neither does one of the ropes."""
     scene = thrown(2, 8.0, **solvers("xpbd")[0].values[0])
     first = scene.things("Rods")[0]
-    scene.others.clear()
+    scene.objects.pop("Rods")
     x = np.concatenate([first.points, first.points[:, [2, 1, 0]] + (0.0, 0.02, 0.0)])
     scene.add(Rods("/ropes", x, [21, 21], THICK, young=1e6, velocities=np.tile([0.0, -8.0, 0.0], (42, 1)), self_collision=True))
     sim = Simulation(scene, device="cpu")

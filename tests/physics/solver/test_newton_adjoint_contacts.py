@@ -84,7 +84,7 @@ def truss(speed: float, friction: float, frames: int, **more) -> Scene:
     net = Springs("/truss", points, np.array([[0, 1], [1, 2], [2, 0]]), masses=np.array([0.05, 0.1, 0.2]), damping=1e-3,
                   stiffness=np.array([400.0]), velocities=np.tile([speed, 0.0, 0.0], (3, 1)), static_friction=friction,
                   dynamic_friction=friction)
-    scene = Scene(springs=[net], fps=60, frames=frames, gravity=(0.0, 0.0, -G), **NEWTON | more)
+    scene = Scene(objects={"Springs": [net]}, fps=60, frames=frames, gravity=(0.0, 0.0, -G), **NEWTON | more)
     scene.collider("/floor", Plane("Z"), static_friction=friction, dynamic_friction=friction)
     return scene
 

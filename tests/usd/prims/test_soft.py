@@ -12,8 +12,8 @@ from tests.make.usd.usda_soft import BONE, LOOK, SOLID, TWO, body, part, place, 
 from tests.make.usda import Reader, cloth, errors, notes
 from tools.lint import ROOT
 from wsim.geometry.tetra import tets as meshes
+from wsim.physics.soft import check as check_soft
 from wsim.scene import Soft
-from wsim.scene.check import soft as check_soft
 from wsim.scene.check.scene import check_scene
 from wsim.scene.solid import MODELS, Bulk
 from wsim.usd import load, names, save

@@ -20,6 +20,7 @@ hinges in that of `wsim.geometry.topology.hinges_of_triangles`.
 
 import re
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from wsim.gradient.gradient import Gradient
 from wsim.model.model import edge_lengths
 from wsim.physics.cloth.constraints import AT_REST, of_body
 from wsim.physics.cloth.rest_shape import current_rest_shape, object_with_rest
-from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Collider, Deformable, Load, Motion, Pin, Problem, Scene, SceneError
 from wsim.scene.values import table
 from wsim.scene.values.per_tet import material_per_tet
 from wsim.simulation.simulation import Simulation
@@ -64,7 +65,7 @@ def field_kinds() -> list[FieldKind]:
 _NAME = re.compile(r"(?:(?P<path>.*):)?(?P<what>\w+)\[(?P<belief>\w*)(?:=(?P<near>[^\]]*))?\]")
 
 
-def things_with_fields(scene: Scene) -> list[Cloth | Springs | Soft | Pin | Collider | Load]:
+def things_with_fields(scene: Scene) -> list[Deformable | Pin | Collider | Load]:
     """All that may have fields."""
     return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads]
 
@@ -105,7 +106,7 @@ class ParameterField:
             return thing.actuation.values
         if isinstance(thing, Load):
             return thing.curve.values
-        if isinstance(thing, Soft):
+        if thing.is_solid:
             which = np.zeros(len(thing.tets), np.int64) if thing.which is None else thing.which
             return np.array([getattr(m, what) for m in thing.materials], np.float64)[which][:, None]
         ids, stiffness = self.rows(sim)
@@ -134,8 +135,8 @@ class ParameterField:
             author = np.zeros(sim.model.points, np.int64)
             author[body.index] = np.arange(len(body.index))
             return author[body.edges]
-        if isinstance(body.source, Soft):
-            return tets_sharing_faces(body.source.tets)
+        if body.source.is_solid:
+            return tets_sharing_faces(cast(Any, body.source).tets)
         return elements_sharing_points(self.rows(sim)[0], sim.model.points)
 
     # a simulation
@@ -178,7 +179,7 @@ class ParameterField:
             found[:by.shape[0]] = each[1:]
             return found
         elements = np.asarray(gradient.material(self.kind.name, self.path, elements=True))
-        if isinstance(self.thing_of_scene(sim.given), Soft):
+        if self.thing_of_scene(sim.given).is_solid:
             body = sim.model.body(self.path)
             order = np.concatenate([p.rows for t in gradient.parameters.tables for p in getattr(t, "parts", ())
                                     if p.body is body])
@@ -194,18 +195,18 @@ class ParameterField:
         scene has no place, is left as their middle."""
         thing = self.thing_of_scene(scene)
         if isinstance(thing, (Pin, Collider)):
-            new: object = replace(thing, motion=self.moved(scene, values))
+            new: Any = replace(thing, motion=self.moved(scene, values))
         elif isinstance(thing, Load):
             new = replace(thing, curve=thing.curve.replaced(values))
         elif self.kind.name in AT_REST:
             new = object_with_rest(thing, self.kind.name, values)
         elif self.kind.name == "velocities":
             new = replace(thing, velocities=values @ thing.motion.at(0.0)[:3, :3])
-        elif isinstance(thing, Soft):
+        elif thing.is_solid:
             new = material_per_tet(thing, self.kind.name, values[:, 0])
         elif self.kind.name == "actuation":
             new = replace(thing, actuation=thing.actuation.replaced(values))
-        elif isinstance(thing, Springs):
+        elif thing.is_net:
             new = replace(thing)
             new.stiffness = values[:, 0].copy()                        # stays in float64
         else:
@@ -258,11 +259,11 @@ def _field_of_name(name: str, scenes: list[Scene]) -> ParameterField:
         what = "name one of them" if len(have) > 1 and not path else f"nothing there has {kind.name}[]"
         raise SceneError(Problem(path or name, f"{what}; those that have it: {', '.join(have) or 'none'}"))
     for b in (b for s in scenes for b in s.bodies() if b.path == path and kind.name in ("velocities", "rest_shape")):
-        if getattr(b, "weld", 0.0):
+        if b.weld:
             raise SceneError(Problem(path, f"points that are welded move as one: {kind.name}[] of each are not to be had"))
-        if kind.name == "rest_shape" and getattr(b, "skins", None):
+        if kind.name == "rest_shape" and b.skins:
             raise SceneError(Problem(path, "its skins are bound to its rest shape; fit that without them"))
-    if any(isinstance(b, Cloth) and b.path == path and b.model == "membrane" for s in scenes for b in s.bodies()):
+    if any(b.path == path and b.model == "membrane" for s in scenes for b in s.bodies()):
         kind = replace(kind, noun="triangles" if kind.name in ("stretch", "shear", "weft") else kind.noun)
     if sizes := [float(np.abs(load.curve.values).max()) for s in scenes for load in s.loads if load.path == path]:
         kind = replace(kind, map=FittingMap("plain", high=max(sizes) or LARGE))

@@ -28,7 +28,7 @@ from wsim.gradient.inputs.fluids import FluidValue, SurfaceInput
 from wsim.gradient.inputs.path import PathInput
 from wsim.gradient.inputs.rest import RestInput
 from wsim.gradient.inputs.skeletons import BlendWeightsInput, JointTurnsInput
-from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
+from wsim.scene import Deformable, Problem, SceneError
 from wsim.scene.methods import object_at_path
 from wsim.scene.nodal.masses import single_density
 from wsim.scene.values.coverage import differentiable_row, gradient_refusal, no_derivative_error
@@ -121,7 +121,7 @@ class MaterialInput(RecordingInput):
     @staticmethod
     def names(recording, body) -> list[str]:
         """Names of a body that can be written, besides where it is."""
-        more = ["density"] * (single_density(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
+        more = ["density"] * (single_density(body.source) is not None) + ["mass"] * body.source.is_net
         return sorted({*recording.parameters.names(body), *more})
 
     def allowed(self, value: np.ndarray) -> np.ndarray:
@@ -181,7 +181,7 @@ def _input_of_name(recording, name: str) -> RecordingInput:
         there = [*(b.path for b in scene.bodies()), *(f"{p.path}:targets" for p in scene.pins),
                  *(f"{load.path}:{load.name}" for load in scene.loads), *(c.path for c in scene.colliders)]
         raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(there)}"))
-    own = isinstance(thing, (Cloth, Springs, Soft)) and MaterialInput.names(recording, recording.sim.model.body(path))
+    own = isinstance(thing, Deformable) and MaterialInput.names(recording, recording.sim.model.body(path))
     return KINDS[differentiable_row(scene, path or "/", what, own or ()).gradient](recording, name)
 
 

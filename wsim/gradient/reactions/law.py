@@ -89,7 +89,7 @@ class ReactionLaw:
         return self.beside.by_batches() if self.beside else {}
 
     def by_keys(self) -> list[np.ndarray]:
-        """Gradients with respect to the curves of muscles, as `wsim.physics.cloth.muscles.Muscles.by_keys`."""
+        """Gradients with respect to the curves of muscles, as `wsim.physics.cloth.nets.muscles.Muscles.by_keys`."""
         return self.muscles.by if self.muscles else []
 
 

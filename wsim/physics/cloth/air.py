@@ -14,7 +14,8 @@ from wsim.model.model import Model
 from wsim.model.stage import ByWorld, Clock, Method, Methods, Ports, Stage
 from wsim.model.state import SimulationState
 from wsim.model.structs import fill_struct
-from wsim.scene import Cloth, Scene
+from wsim.scene import Scene
+from wsim.scene.methods import feels_air
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 def why_air_acts(scene: Scene) -> str:
     """Reason why this method is needed, or ""."""
-    return "" if not any(c.feels_air for c in scene.cloths) else "a cloth has drag or lift"
+    return "a cloth has drag or lift" if feels_air(scene) else ""
 
 
 def build(b: Build) -> Aero:
@@ -42,7 +43,7 @@ class Aero(Method):
         super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
-        cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]
+        cloths = [b for b in model.bodies if b.source.feels_air]
         triangles = model.shared(np.concatenate([b.triangles for b in cloths]))
         starts, items = topology.incident_rows(triangles, model.points)
         self.triangle = model.upload(triangles, wp.vec3i)
@@ -53,7 +54,7 @@ class Aero(Method):
         each = [b.count if model.by_point else 1 for b in model.bodies]        # rows, as of points
         fields["wind"] = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
         for name, share in shares.items():
-            values = np.repeat([share * b.source.air[name] if isinstance(b.source, Cloth) else 0.0 for b in model.bodies], each)
+            values = np.repeat([share * b.source.air[name] for b in model.bodies], each)
             fields[name] = model.upload(values, t.scalar)
         # of velocities where substeps end, and of predicted ones: explicit steps have all forces in those
         self.ended, self.air = (fill_struct(kernels.air_tables(real), object=c.object, gravity=c.gravity, w=c.w, fall=fall,

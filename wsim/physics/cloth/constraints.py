@@ -1,7 +1,7 @@
 """The list of constraints of a model, and how stiff each is. NumPy. One kind: `wsim.physics.cloth.kind`."""
 
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from wsim.geometry.sheet_ordering import color_sheet
 from wsim.model.model import Model, PointBody, hard_places
 from wsim.model.stage import value_of_world
 from wsim.physics.cloth.kind import TABLE, ClothConstraintKind, kind_row
-from wsim.scene import Cloth, Problem, SceneError
+from wsim.scene import Problem, SceneError
 
 LOOKS = "looks, not accuracy: where they act the result is not that of the authored material"
 AT_REST = ("rest_shape", "lengths")  # live values of bodies, see `wsim.physics.cloth.rest_shape`
@@ -131,9 +131,9 @@ def apply_live_value(model: Model, rows: list[Constraints], path: str, name: str
 
 def _check_strain_limit(body: PointBody | None) -> None:
     """Of a cloth, whose limits are there from the start or not at all."""
-    if body is None or not isinstance(body.source, Cloth):
+    if body is None or not body.source.is_sheet:
         return
-    if not isfinite(body.source.material.strain_limit):
+    if not isfinite(body.source.material_number("strain_limit", inf)):
         raise SceneError(Problem(body.path, "strain_limit is inf, so that no edge has a limit, and to give them one changes "
                                  "the constraints; give the scene a finite one and make another Simulation"))
 

@@ -16,14 +16,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth.constraint import Constraint
-from wsim.scene import Cloth, Springs
 
 if TYPE_CHECKING:
     from wsim.model.model import PointBody
@@ -41,12 +40,11 @@ class KindRow:
 
 
 TABLE: dict[str, KindRow] = {
-    "tether": KindRow("wsim.physics.cloth.kinds.tether", lambda s: getattr(s, "tethers", False)),
-    "membrane": KindRow("wsim.physics.cloth.kinds.membrane", lambda s: isinstance(s, Cloth) and s.model == "membrane"),
-    "distance": KindRow("wsim.physics.cloth.kinds.distance", lambda s: isinstance(s, Springs) or (
-        isinstance(s, Cloth) and s.model == "springs")),
-    "dihedral": KindRow("wsim.physics.cloth.kinds.dihedral", lambda s: isinstance(s, Cloth) and s.material.bend > 0.0),
-    "limit": KindRow("wsim.physics.cloth.kinds.limit", lambda s: isinstance(s, Cloth) and isfinite(s.material.strain_limit)),
+    "tether": KindRow("wsim.physics.cloth.kinds.tether", lambda s: s.tethers),
+    "membrane": KindRow("wsim.physics.cloth.kinds.membrane", lambda s: s.model == "membrane"),
+    "distance": KindRow("wsim.physics.cloth.kinds.distance", lambda s: s.model == "springs"),
+    "dihedral": KindRow("wsim.physics.cloth.kinds.dihedral", lambda s: s.is_sheet and s.material_number("bend") > 0.0),
+    "limit": KindRow("wsim.physics.cloth.kinds.limit", lambda s: isfinite(s.material_number("strain_limit", inf))),
 }
 
 

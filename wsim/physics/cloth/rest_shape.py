@@ -8,21 +8,21 @@ element that loses its size, or a tether that would lead to another pin, raises.
 """
 
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from wsim.geometry.tetra.tets import signed_tet_volumes
-from wsim.geometry.triangulate import triangulate_polygons
-from wsim.model.midnodes import lump_node_masses, with_midnode_values
+from wsim.model.midnodes import with_midnode_values
 from wsim.model.model import Model, PointBody, hard_places
 from wsim.physics.cloth.constraints import constraints_of_body, of_body, renew_rest_values
-from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
-from wsim.scene.nodal.masses import cloth_masses, fill_loose_masses, single_density, soft_masses, soft_weights
+from wsim.scene import Problem, SceneError
+from wsim.scene.nodal.masses import fill_loose_masses, single_density
 
 
 def current_rest_shape(body: PointBody) -> np.ndarray:
     """(n, 3) [m] about its mean; points that are one particle have one place. Raises SceneError where there is none."""
-    if isinstance(body.source, Springs) and body.source.lengths is not None:
+    if body.source.lengths is not None:
         raise SceneError(Problem(body.path, "its springs have rest lengths of their own, and no rest shape; take lengths"))
     return body.rest[body.own - body.first]
 
@@ -64,11 +64,11 @@ def body_with_rest_shape(body: PointBody, points: np.ndarray) -> PointBody:
 
 
 def body_with_lengths(body: PointBody, lengths: np.ndarray) -> PointBody:
-    if not isinstance(body.source, Springs) or lengths.shape != (len(body.edges),) or not (lengths > 0.0).all() \
+    if not body.source.is_net or lengths.shape != (len(body.edges),) or not (lengths > 0.0).all() \
             or not np.isfinite(lengths).all():
         raise SceneError(Problem(body.path, "lengths are those of a spring net: finite, > 0, with shape "
                                  f"({len(body.edges)},); found {lengths.shape}"))
-    source = replace(body.source)
+    source = replace(cast(Any, body.source))
     source.lengths = lengths.copy()                                   # stays in float64
     return replace(body, source=source)
 
@@ -76,28 +76,20 @@ def body_with_lengths(body: PointBody, lengths: np.ndarray) -> PointBody:
 def masses_of(body: PointBody, rest: np.ndarray) -> np.ndarray | None:
     """Masses of the particles [kg], (points,), from the author's points at rest; None where they follow nothing."""
     source = body.source
-    if isinstance(source, Springs) or (source.masses is not None and not len(body.middles)):
+    if source.masses is not None and not len(body.middles):
         return None
-    if isinstance(source, Soft):
-        masses, _ = soft_masses(source, rest)
-        masses = lump_node_masses(masses, soft_weights(source), rest, source.tets)[0] if len(body.middles) else masses
-    else:
-        masses = cloth_masses(source, triangles_of(source), rest)
+    masses = source.masses_at_rest(rest)
+    if masses is None:
+        return None
     masses = np.bincount(np.concatenate([body.own, body.middles]) - body.first, masses, body.count)
-    return fill_loose_masses(masses, body.triangles - body.first)[0] if isinstance(source, Cloth) else masses
+    return fill_loose_masses(masses, body.triangles - body.first)[0] if source.is_sheet else masses
 
 
-def triangles_of(cloth: Cloth) -> np.ndarray:
-    """Author's points of the triangles that its polygons are cut into, (t, 3)."""
-    return triangulate_polygons(cloth.points, cloth.counts, cloth.indices)[0]
-
-
-def object_with_rest(thing: Cloth | Springs | Soft, name: str, values: np.ndarray):
+def object_with_rest(thing: Any, name: str, values: np.ndarray):
     """A scene's object with a rest shape (n, 3) or lengths (edges,) or (edges, 1). A shape is moved to where it was."""
-    if isinstance(thing, Springs):
+    if thing.is_net:
         new = replace(thing)
         new.lengths = values.reshape(-1).copy()                       # stays in float64
         return new
-    before = thing.motion.points(thing.points if thing.rest_points is None else thing.rest_points, 0.0)
-    matrix, places = thing.motion.at(0.0), values - values.mean(axis=0) + before.mean(axis=0)
+    matrix, places = thing.motion.at(0.0), values - values.mean(axis=0) + thing.rest_places().mean(axis=0)
     return replace(thing, rest_points=np.linalg.solve(matrix[:3, :3], (places - matrix[:3, 3]).T).T)

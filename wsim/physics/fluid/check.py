@@ -7,7 +7,7 @@ import numpy as np
 from wsim.physics.fluid import start
 from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
 from wsim.physics.fluid.shells import meets_bodies
-from wsim.scene import Problem, Scene, Springs
+from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import check_number, check_rigid_motion, check_step_count, object_warning, thing_error
 
 LEAST = 4                  # cells along an axis that is not flat
@@ -68,8 +68,9 @@ def _check_fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
 def _unmet_objects(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
     """What goes through its air and is no wall in it."""
     for thing in (*scene.bodies(), *scene.things("Body")):
-        if isinstance(thing, Springs) or not meets_bodies(fluid):
-            why = ("a net, which has no surface" if isinstance(thing, Springs) else
+        bare = not getattr(thing, "has_surface", True)
+        if bare or not meets_bodies(fluid):
+            why = ("a net, which has no surface" if bare else
                    "solved directly" if fluid.pressure == "direct" else "solved in a part")
             yield object_warning(fluid.path, f"{thing.path} passes through its air, as it is {why}",
                                  "cloth, soft and rigid bodies in air that is solved by multigrid, all of it",

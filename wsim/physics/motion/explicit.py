@@ -48,7 +48,7 @@ class Explicit(Method):
                  steps: bool | frozenset[str], pins=None, free: bool = False):
         """rows: soft constraints of all bodies; steps: whether others act within a substep, or the names of all that do, which
         blocks may take; pins: the method of the hard pins, or None; free: frames may have no contacts, and nothing acts."""
-        super().__init__("explicit", by_world=not model.scene.softs)
+        super().__init__("explicit", by_world=not any(len(b.tets) for b in model.bodies))
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
         self.rows, self.pins, self.muscles = rows, pins, None         # type: Any, Any, Any    # muscles change rest lengths

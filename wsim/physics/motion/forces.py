@@ -26,6 +26,7 @@ from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion.fast_paths.cluster import LARGE, MANY, cluster_for, exchange_halo
 from wsim.physics.motion.fast_paths.simd_springs import Packets
 from wsim.physics.motion.fast_paths.threads import Abreast, count_cores, march_orders, net_parts
+from wsim.scene.methods import has_tets
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
@@ -45,7 +46,7 @@ class ForceGather:
         alone = bool(alone) and not taken
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
-        if model.scene.softs:
+        if has_tets(model.scene):
             from wsim.physics.soft.fem import tet_tables
             self.tables = tet_tables(model)
         self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
@@ -53,8 +54,8 @@ class ForceGather:
         self.force: wp.array | None = None            # at the corners of elements
         self.lengths: wp.array | None = None          # rest lengths of the entries before muscles shorten them
         alone = alone and not any(r.body and getattr(r.body.source, "actuation", None) for r in rows) and not model.scene.loads
-        self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
-        self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
+        self.only = not (self.damped or has_tets(model.scene)) and len(self.springs) == len(rows)
+        self.whole = alone and len(self.springs) == len(rows) and not has_tets(model.scene)
         self.alone = alone and self.only and _forms_clusters(model.device) and not model.gradients
         self.net = kernels.spring_nets(model.real)()
         for name in ("w", "object", "gravity", "decay"):
@@ -256,7 +257,7 @@ class ForceGather:
         self.values(again=True)
 
     def spring_tables(self) -> list:
-        from wsim.physics.cloth.springs import SpringTable
+        from wsim.physics.cloth.nets.springs import SpringTable
         return [SpringTable(self.springs, self.table.rest, self.entry, self.given)]
 
     def refresh(self) -> bool:

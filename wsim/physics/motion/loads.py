@@ -1,7 +1,8 @@
 """Loads: forces on points and tractions on triangles over time, put beside gravity where a substep begins. See
 kernels/motion/load.py.
 
-A table holds the values of a frame at the times when forces are evaluated (`Clock.acting`; as `wsim.physics.cloth.muscles`).
+A table holds the values of a frame at the times when forces are evaluated (`Clock.acting`), as that of
+`wsim.physics.cloth.nets.muscles` does.
 """
 
 from __future__ import annotations

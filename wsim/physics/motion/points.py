@@ -18,7 +18,6 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import AT_REST
-from wsim.scene import Springs
 from wsim.scene.integrator import Integrator
 from wsim.scene.nodal.masses import single_density
 
@@ -244,7 +243,7 @@ class FreePoints(Method):
 
     def scale(self, bodies: list[PointBody], mass: float | ByWorld) -> bool:
         """Points of spring nets get this mass [kg] together, in the proportions that they have."""
-        if not bodies or self.model.alias is not None or not all(isinstance(b.source, Springs) for b in bodies):
+        if not bodies or self.model.alias is not None or not all(b.source.is_net for b in bodies):
             return False
         for b in bodies:
             b.masses = b.masses * (float(value_of_world(mass, b.world)) / b.masses.sum())

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wsim.scene import Collider, Pin, Problem, SceneError, Surface, shapes
-from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
+from wsim.scene.bodies import PointObject, contiguous_array, real_array
 from wsim.scene.curve import Motion
 from wsim.scene.methods import method_file
 from wsim.scene.solids import shape_row
@@ -18,7 +18,7 @@ LEAST = 3                          # points of a strand that can bend
 
 
 @dataclass(eq=False)
-class Rods(ArrayDataclass):
+class Rods(PointObject):
     """Strands that stretch, bend and twist (Kirchhoff rods: cross-sections stay across their centre line), as in
     `scene.rods("/rope", [(0.1 * k, 1, 0) for k in range(9)], counts=[9], diameters=0.01)`.
 
@@ -47,6 +47,9 @@ class Rods(ArrayDataclass):
     self_collision      True: its strands pass neither through themselves, nor other strands, cloth and soft bodies that say so
     pins                `Pin`s of its points
     """
+
+    noun, plural = "rods", True
+    refused = {"tie": "rods share no points with other bodies"}        # noqa: RUF012  (nobody changes it)
 
     path: str
     points: np.ndarray

@@ -12,7 +12,6 @@ from wsim.kernels.soft import fem
 from wsim.model import kernel_cache, state
 from wsim.model.model import Model
 from wsim.physics.soft.parts import parts_of
-from wsim.scene import Soft
 
 if TYPE_CHECKING:
     from wsim.physics.soft.plastic import PlasticFlow
@@ -163,10 +162,10 @@ class Tetrahedra:
 def tet_tables(model: Model) -> list:
     """A table for each material model that some soft body has, by name; of quadratic tets tables of their own; last
     that of pressure."""
-    found = {(b.tets.shape[1], m.model) for b in model.bodies if isinstance(b.source, Soft) for m in b.source.materials
+    found = {(b.tets.shape[1], m.model) for b in model.bodies if b.source.is_solid for m in b.source.materials
              if parts_of(b, m.model)}
     tables: list = [Tetrahedra(name, model, nodes) for nodes, name in sorted(found)]
-    if any(soft.pressure for soft in model.scene.softs):
+    if any(body.pressure for body in model.scene.bodies()):
         from wsim.physics.soft.pressure import SoftPressure
         tables.append(SoftPressure(model))
     return tables

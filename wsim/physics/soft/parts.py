@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import sqrt
+from typing import cast
 
 import numpy as np
 
 from wsim.geometry.tetra.tets import EDGES, barycentric_gradients, signed_tet_volumes
 from wsim.kernels.soft.material import lame_parameters
 from wsim.model.model import PointBody
-from wsim.scene import Soft
+from wsim.physics.soft.objects import Soft
 from wsim.scene.nodal.masses import soft_share
 
 NEAR, FAR = (5.0 + 3.0 * sqrt(5.0)) / 20.0, (5.0 - sqrt(5.0)) / 20.0      # barycentric coordinates of four points
@@ -40,15 +41,14 @@ class Region:
 
     @property
     def soft(self) -> Soft:
-        assert isinstance(self.body.source, Soft)
-        return self.body.source
+        return cast(Soft, self.body.source)
 
 
 def parts_of(body: PointBody, model: str) -> list[Region]:
     """The tets of a body that are of that model; none for what is no soft body."""
-    if not isinstance(body.source, Soft):
+    if not body.source.is_solid:
         return []
-    soft = body.source
+    soft = cast(Soft, body.source)
     which = np.zeros(len(body.tets), np.int32) if soft.which is None else soft.which
     mine = np.array([m.model == model for m in soft.materials])[which]
     rows = np.flatnonzero(mine)

@@ -13,7 +13,6 @@ from wsim.geometry.tetra.tets import EDGES
 from wsim.geometry.topology import edges_of_triangles, labels_of_islands
 from wsim.kernels.soft import pressure
 from wsim.model.model import Model, PointBody
-from wsim.scene import Soft
 
 
 class SoftPressure:
@@ -91,7 +90,7 @@ class SoftPressure:
 
 
 def has_pressure(source) -> bool:
-    return isinstance(source, Soft) and source.pressure != 0.0
+    return source.pressure != 0.0
 
 
 def weighted_volume(corners: np.ndarray, weights: np.ndarray) -> float:

@@ -20,6 +20,7 @@ from wsim.physics.cloth.constraints import Constraints, apply_live_value
 from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS
 from wsim.physics.cloth.table import ConstraintTable, bending_of, constraint_tables
 from wsim.physics.solver import linear
+from wsim.scene.methods import has_tets
 
 
 class Term:
@@ -72,7 +73,7 @@ class Assembly:
         self.model, self.state, self.points = model, state, points
         self.tables = constraint_tables(model, every)
         self.solids: list = []
-        if model.scene.softs:
+        if has_tets(model.scene):
             from wsim.physics.soft import fem
             self.solids = fem.tet_tables(model)
             state.add(*(table.kept for table in self.solids if table.kept))
@@ -142,7 +143,7 @@ class Assembly:
         self.system.solve(f, tolerance, cap, (self.state.x, self.state.d))
 
     def spring_tables(self) -> list:
-        from wsim.physics.cloth.springs import SpringTable
+        from wsim.physics.cloth.nets.springs import SpringTable
         table = self.of(SPRINGS)[0]
         return [SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)]
 

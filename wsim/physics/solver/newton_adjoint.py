@@ -84,7 +84,7 @@ class ImplicitAdjoint(Forces):
             self.contacts = ActiveSetAdjoint(self.model, *given)
 
     def spring_tables(self) -> list:
-        from wsim.physics.cloth.springs import SpringTable
+        from wsim.physics.cloth.nets.springs import SpringTable
         return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
 
     def forget(self) -> None:

@@ -66,7 +66,7 @@ class Xpbd(Method):
             self.watch()
 
     def spring_tables(self) -> list:
-        from wsim.physics.cloth.springs import SpringTable
+        from wsim.physics.cloth.nets.springs import SpringTable
         return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches
                 if b.row.gather == SPRINGS]
 

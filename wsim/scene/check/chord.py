@@ -21,7 +21,7 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene import Cloth, Collider, Soft, Springs, Surface
+from wsim.scene import Collider, Deformable, Surface
 from wsim.scene.solids import shape_row
 
 STRAINED = 1.1         # edges of a sheet that drapes over a ball are up to so much longer, by its shear
@@ -111,27 +111,13 @@ def chord_sagitta(c: float, R: float) -> float:
     return 0.0 if c == 0.0 or isinf(R) else c * c / (sqrt(R * R + c * c) + R)
 
 
-def body_breadth(body: Cloth | Springs | Soft) -> float:
+def body_breadth(body: Deformable) -> float:
     """c [m] of a body of a scene, from its rest shape in the world."""
-    rest = getattr(body, "rest_points", None)
-    _, faces = body_faces(body)
-    return triangle_breadth(body.motion.points(body.points if rest is None else rest, 0.0), faces)
+    return triangle_breadth(body.rest_places(), body_faces(body)[1])
 
 
-def body_faces(body: Cloth | Springs | Soft) -> tuple[np.ndarray, np.ndarray]:
+def body_faces(body: Deformable) -> tuple[np.ndarray, np.ndarray]:
     """Points of a body of a scene where it starts, (n, 3) [m, world], and triangles of its surface, (t, 3); (i, j, j) is a
     spring."""
     points = body.motion.points(body.points, 0.0)
-    if isinstance(body, Springs):
-        return points, body.edges[:, [0, 1, 1]]
-    if isinstance(body, Soft):
-        from wsim.geometry.tetra import tets
-        return points, tets.tet_surface_triangles(body.tets)
-    return points, triangulate_polygons(body.points, body.counts, body.indices)[0]
-
-
-def body_reach(body: Cloth | Springs | Soft) -> float:
-    """The least distance [m] that a body's own points keep."""
-    if isinstance(body, Cloth):
-        return 0.5 * float(body.material.thickness if body.thicknesses is None else body.thicknesses.min(initial=inf))
-    return body.radius if isinstance(body, Springs) else 0.0
+    return points, body.surface_triangles() if body.has_surface else body.held_points()[0][:, [0, 1, 1]]

@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from wsim.scene import Cloth, Collider, Motion, Plane, Problem, Scene, Springs, Surface
+from wsim.scene import Collider, Motion, Plane, Problem, Scene, Surface
 from wsim.scene.check import chord, sharp, signed_distance
 from wsim.scene.check.objects import object_warning
 from wsim.scene.methods import driving_bodies, each_method_object
@@ -42,14 +42,14 @@ def _warn_of_thin_colliders(scene: Scene, moved: list[Collider]) -> Iterator[Pro
     """Warns of colliders that may pass through a sheet or a soft body between its points. They fit through a triangle, where
     only points have contacts, or they are too thin for the contacts of edges and triangles to stop them."""
     for body in scene.bodies():
-        if isinstance(body, Springs):
+        if not body.has_surface:
             continue
         points, faces = chord.body_faces(body)
         hole = float(np.median(chord.enclosing_circle_radii(points, faces))) if len(faces) else 0.0
-        reach = chord.body_reach(body)
+        reach = body.least_reach()
         for collider in (*scene.colliders, *moved):
             edged, thin, gap = sharp.has_sharp_edges(collider), chord.least_hole_radius(collider), collider.thickness
-            if edged and getattr(body, "self_collision", False):
+            if edged and body.self_collision:
                 continue
             if gap is None:
                 gap = chord.chord_sagitta(chord.body_breadth(body), chord.least_curvature_radius(collider)) - reach
@@ -59,14 +59,12 @@ def _warn_of_thin_colliders(scene: Scene, moved: list[Collider]) -> Iterator[Pro
                                      f"through a round hole of {2.0 * thin:.2g} m, and the triangles are {2.0 * hole:.2g} m "
                                      f"wide",
                                      "a wider collider, or smaller triangles", "refine the mesh"
-                                     + ", or turn wsim:selfCollision on" * (edged and isinstance(body, Cloth)))
+                                     + ", or turn wsim:selfCollision on" * (edged and body.is_sheet))
                 break
 
 
 def body_carried_colliders(scene: Scene) -> list[Collider]:
     """Colliders that move with rigid bodies and meet points, where they start in the world."""
-    if not scene.others:
-        return []
     apart = driving_bodies(scene)
     return [replace(c, motion=Motion.still(thing.motion.at(0.0) @ c.motion.at(0.0))) for _, thing in each_method_object(scene)
             if thing.path not in apart for c in getattr(thing, "colliders", ()) if c.meets]
@@ -76,7 +74,7 @@ def kept_distances(scene: Scene) -> list[tuple[str, str, float, float]]:
     """(path of a collider, path of a body, distance kept besides half the body's thickness, what would hide all chords [m])."""
     found = []
     for body in scene.bodies() if scene.colliders else ():
-        c, reach = chord.body_breadth(body), chord.body_reach(body)
+        c, reach = chord.body_breadth(body), body.least_reach()
         for collider in scene.colliders:
             met = sharp.has_edges(body) and scene.contact_width == 0.0 and sharp.has_sharp_edges(collider)
             needed = 0.0 if met else max(chord.chord_sagitta(c, chord.least_curvature_radius(collider)) - reach, 0.0)

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wsim.scene import Cloth, Load, Problem, Scene, Soft, Springs
+from wsim.scene import Load, Problem, Scene
 from wsim.scene.check.objects import check_point_array, object_warning, thing_error
-from wsim.scene.nodal.loads import surface_faces
+from wsim.scene.methods import point_objects
 
 
 def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
@@ -23,12 +23,15 @@ def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
                            "it names both points and triangles" if thing.points is not None else "it names neither points nor "
                            "triangles", "points of a force, or triangles of a traction", "leave one of them out, or name some")
         return
-    bodies = [*scene.bodies(), *scene.things("Rods")]
+    bodies = point_objects(scene)
     body = next((b for b in bodies if b.path == thing.body), None)
     if body is None:
         names = ", ".join(b.path for b in bodies[:5]) or "none, the scene has no body"
         yield thing_error(path, f"it loads '{thing.body}', which is no cloth, spring net, soft body or rods here", names,
                            "name one")
+        return
+    if why := body.refused.get("load"):
+        yield thing_error(path, f"it loads {thing.body}, and {why}", "a body that bears loads", "leave the load out")
         return
     named = thing.triangles if thing.points is None else thing.points
     assert named is not None
@@ -41,28 +44,28 @@ def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
                            "count from 0, in the order of the mesh's points")
     elif thing.triangles is not None:
         yield from _check_load_triangles(thing, thing.triangles, body)
-    elif isinstance(body, Soft) and (idle := np.setdiff1d(named, body.tets)).size:
+    elif body.is_solid and (idle := np.setdiff1d(named, body.held_points()[1])).size:
         yield object_warning(path, f"it loads point {idle[0]} of {body.path}, which no tet has: that moves nothing",
                              "points of tets", "name others")
     if thing.points is not None:
         yield from check_point_array(path, "weights", thing.weights, (len(thing.points),))
 
 
-def _check_load_triangles(thing: Load, triangles: np.ndarray, body: Cloth | Springs | Soft) -> Iterator[Problem]:
+def _check_load_triangles(thing: Load, triangles: np.ndarray, body) -> Iterator[Problem]:
     """Each has its corners in one face of the body, and is named once."""
-    if not isinstance(body, Cloth | Soft):
-        what = "is a spring net, which has" if isinstance(body, Springs) else "are rods, which have"
+    if not body.has_surface:
+        what = f"are {body.noun}, which have" if body.plural else f"is a {body.noun}, which has"
         yield thing_error(thing.path, f"{body.path} {what} no triangles for a traction", "a cloth or soft body",
                            "give a force on points")
         return
     try:
-        counts, indices = surface_faces(body)
+        counts, indices = body.surface_faces()
     except (ValueError, IndexError):                 # said of the body
         return
     of = _faces_around_points(counts, indices, triangles)
     for k, (a, b, c) in enumerate(triangles.tolist()):
         if len({a, b, c}) < 3 or not of[a] & of[b] & of[c]:
-            where = "in one face of the mesh" if isinstance(body, Cloth) else "of one triangle of its surface"
+            where = "in one face of the mesh" if body.is_sheet else "of one triangle of its surface"
             yield thing_error(thing.path, f"triangle {k} has the points {a}, {b}, {c} of {body.path}",
                                f"three corners {where}",
                                "name triangles that are there (`wsim.scene.nodal.loads.surface_triangles_among` finds them)")

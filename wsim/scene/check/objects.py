@@ -10,13 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface, solids
+from wsim.scene import Collider, Plane, Problem, Surface, solids
 from wsim.scene.check import mesh
 from wsim.scene.check.counts import MANY, MOST
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.nodal.masses import cloth_masses
 from wsim.scene.values import table
 
 FAR = 1e5                   # [m] from the own origin: float32 resolves 8 mm there, and no cloth survives that
@@ -133,61 +130,6 @@ def check_rigid_motion(path: str, motion: Motion, mend: str) -> Iterator[Problem
                            "a turn and a shift", mend)
 
 
-def check_surface(thing: Cloth | Surface, path: str, motion: Motion | None = None) -> list[Problem]:
-    """Polygons that can be cut into triangles; a cloth (with its motion) is seen as simulated: seams welded."""
-    found = mesh.check_polygon_mesh(path, thing.points, thing.counts, thing.indices, isinstance(thing, Cloth))
-    if motion is None or any(p.fatal for p in found) or not isinstance(thing, Cloth) or not 0.0 < thing.weld < inf:
-        return found
-    try:
-        particle = topology.weld_points(motion.points(thing.points), thing.weld)
-    except ValueError as wrong:
-        return [*found, Problem(path, str(wrong))]
-    first = np.unique(particle, return_index=True)[1]
-    welded = mesh.check_polygon_mesh(path, thing.points[first], thing.counts, particle[thing.indices])
-    return [Problem(path, f"{p.text} (once points closer than weld = {thing.weld:g} m are one: lower weld)", p.fatal)
-            if p.fatal else p for p in welded]
-
-
-def check_cloth(thing: Cloth) -> list[Problem]:
-    path, n = thing.path, (len(thing.points),)
-    found = list(check_placement(path, thing.points, thing.motion))
-    found += check_surface(thing, path, None if found else thing.motion)
-    if not any(p.fatal for p in found):
-        found += [*check_object_size(path, thing.motion.points(thing.points)), *check_float32_rounding(path, thing.points)]
-    found += check_point_array(path, "velocities", thing.velocities, n)
-    found += check_point_array(path, "rest points", thing.rest_points, n)
-    found += check_point_array(path, "masses", thing.masses, n, 0.0, True)
-    found += check_point_array(path, "thicknesses", thing.thicknesses, n, 0.0, True)
-    found += check_point_array(path, "stretches", thing.stretches, (len(thing.counts),), 0.0, True)
-    found += check_point_array(path, "bends", thing.bends, (len(thing.counts),), 0.0)
-    found += check_table_values(thing)
-    if thing.model not in CLOTH_MODELS:
-        found.append(thing_error(path, f"model is '{thing.model}'", " or ".join(CLOTH_MODELS), "choose one of them"))
-    if thing.model == "springs" and thing.material.weft > 0.0:
-        found.append(thing_error(path, f"weft is {thing.material.weft:g} and the model is 'springs', which has one stretch",
-                                  "0 there", "take the model 'membrane'"))
-    if not any(p.fatal for p in found):
-        found += _check_rest_areas(thing)
-    return found
-
-
-def _check_rest_areas(thing: Cloth) -> Iterator[Problem]:
-    """Faces without area at rest, and what they leave without mass. The mesh is sound here."""
-    triangles, polygon = triangulate_polygons(thing.points, thing.counts, thing.indices)
-    rest = thing.motion.points(thing.points if thing.rest_points is None else thing.rest_points)
-    flat = np.unique(polygon[topology.triangle_areas(rest, triangles) == 0.0])
-    if len(flat) == len(np.unique(polygon)) and thing.masses is None:
-        yield thing_error(thing.path, "none of its faces has an area at rest", "a rest shape with an area",
-                           "author physics:restShapePoints again, or leave them out")
-        return
-    particle = topology.weld_points(thing.motion.points(thing.points), thing.weld) if thing.weld > 0.0 else np.arange(len(rest))
-    yield from check_point_masses(thing.path, np.bincount(particle, cloth_masses(thing, triangles, rest))[particle],
-                                  "each face there has no area at rest" if len(flat) else "")
-    if len(flat):
-        yield object_warning(thing.path, f"{len(flat)} faces have no area at rest, first face {flat[0]}: they resist nothing",
-                             "faces with an area", "move their rest points apart, or remove them")
-
-
 def check_point_masses(path: str, masses: np.ndarray, why: str = "") -> Iterator[Problem]:
     """Points whose inverse mass is infinite in float32, or nearly."""
     bad = ~(masses >= LIGHTEST)
@@ -215,56 +157,9 @@ def check_float32_rounding(path: str, points: np.ndarray) -> Iterator[Problem]:
                              f"below {ROUNDED:g}", "move the points to the origin, the place into the transform")
 
 
-def check_spring_net(net: Springs) -> list[Problem]:
-    path, n, m = net.path, len(net.points), len(net.edges)
-    found = [*check_point_array(path, "points", net.points, (n,)), *check_placement(path, net.points, net.motion)]
-    found += list(check_point_array(path, "masses", net.masses, (n, 1), 0.0, True)) or check_point_masses(path, net.masses)
-    found += check_point_array(path, "velocities", net.velocities, (n,))
-    found += check_point_array(path, "stiffnesses", net.stiffness, (m, 1), 0.0, True)
-    found += check_point_array(path, "rest lengths", net.lengths, (m,), 0.0, True)
-    found += check_table_values(net)
-    found += check_muscles(net)
-    if m == 0:
-        found.append(thing_error(path, "a net without springs", "at least one", "author curves of two or more points"))
-    bad = ((net.edges < 0) | (net.edges >= n)).any(axis=1)
-    if bad.any():
-        k = int(np.argmax(bad))
-        return [*found, thing_error(path, f"spring {k} joins points {net.edges[k].tolist()}", f"0 to {n - 1}",
-                                     "name points of this net")]
-    p, q = net.points[net.edges[:, 0]], net.points[net.edges[:, 1]]
-    zero = (net.edges[:, 0] == net.edges[:, 1]) | ((p == q).all(axis=1) & (net.lengths is None))
-    if zero.any():
-        k = int(np.argmax(zero))
-        found.append(thing_error(path, f"{zero.sum()} springs are of length 0, first spring {k} on points "
-                                  f"{net.edges[k].tolist()}", "> 0", "make the two points one, or give rest lengths"))
-    return found
-
-
-def check_muscles(net: Springs) -> Iterator[Problem]:
-    """Factors over time, and which spring is of which group."""
-    path, m, curve = net.path, len(net.edges), net.actuation
-    if curve is None:
-        if net.muscles is not None:
-            yield thing_error(path, "muscles without an actuation", "both, or none", "author wsim:actuation, or leave them out")
-        return
-    yield from check_point_array(path, "factors of actuation", curve.values.ravel(), (curve.values.size,), 0.0, True)
-    if not curve.plain and not (least := float(np.min(curve.bounds()[0]))) > 0.0:
-        yield thing_error(path, f"factors of actuation down to {least:g} between or outside of their keys (kind {curve.kind})",
-                           "> 0", "take kind monotone, which stays between its keys, or hold it outside of them")
-    if not np.isfinite(curve.times).all():
-        yield thing_error(path, "times of actuation that are no numbers", "finite ones", "author its keys again")
-    groups, of = curve.values.shape[1], np.zeros(m, np.int32) if net.muscles is None else net.muscles
-    if len(of) != m:
-        yield thing_error(path, f"{len(of)} muscles", f"{m}, the group of each spring", "author -1 for a spring that is none")
-    bad = (of < -1) | (of >= groups)
-    if bad.any():
-        k = int(np.argmax(bad))
-        yield thing_error(path, f"spring {k} is of muscle group {of[k]}",
-                           f"-1 (passive) to {groups - 1}: actuation has {groups} "
-                           "groups", "name one of them, or give the actuation more values a key")
-    elif missing := sorted(set(range(groups)) - set(of.tolist())):
-        yield object_warning(path, f"no spring is of muscle group {missing[0]}", f"springs in each of {groups} groups",
-                             "leave the group out of wsim:actuation")
+def check_surface(shape: Surface, path: str) -> list[Problem]:
+    """Problems of polygons that are to be cut into triangles."""
+    return mesh.check_polygon_mesh(path, shape.points, shape.counts, shape.indices, False)
 
 
 def check_collider(thing: Collider) -> list[Problem]:

@@ -4,14 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wsim.scene import Cloth, Pin, Problem, Soft, Springs
+from wsim.scene import Deformable, Pin, Problem
 from wsim.scene.check.objects import object_warning, thing_error
 
 APART = 1e-4       # of the body's size, by which two places of one point may differ
 TIMES = 64         # at which places are compared, at most
 
 
-def check_conflicting_pins(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
+def check_conflicting_pins(body: Deformable, pins: list[Pin]) -> Iterator[Problem]:
     """One error a pair of its hard pins, or of places of one, that disagree. All are sound here. (A soft pin pulls, and a point
     may have several.)"""
     points = np.concatenate([p.points for p in pins])
@@ -35,7 +35,7 @@ def check_conflicting_pins(body: Cloth | Springs | Soft, pins: list[Pin]) -> Ite
                                    "same place, or one a finite stiffness")
 
 
-def check_distant_pin_targets(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
+def check_distant_pin_targets(body: Deformable, pins: list[Pin]) -> Iterator[Problem]:
     """Warns of each hard pin whose target for a point is farther from the start of the point than the body is large."""
     size = float(np.ptp(body.motion.points(body.points), axis=0).max())
     for pin in pins:
@@ -55,7 +55,7 @@ def _pin_check_times(pins: list[Pin]) -> list[float]:
     return times[:: -(-len(times) // TIMES)].tolist()
 
 
-def _pinned_positions(body: Cloth | Springs | Soft, pin: Pin, t: float) -> np.ndarray:
+def _pinned_positions(body: Deformable, pin: Pin, t: float) -> np.ndarray:
     """Where a pin puts its points at a time [m], world, (k, 3)."""
     if pin.follows is not None:
         return pin.follows.over(np.array([t]))[0]

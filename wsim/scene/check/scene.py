@@ -3,7 +3,7 @@
     check(scene) -> list of Problem, errors first, each with the prim path, what was found, what is allowed, the mend
 
 An error cannot be simulated; a warning can, but is seldom meant. Here: settings, paths, and how objects hang
-together; `wsim.scene.check.objects` has what can be wrong with one object by itself.
+together; `wsim.scene.check.objects`, and the `check` of each method, have what can be wrong with one object by itself.
 """
 
 from collections import Counter
@@ -13,11 +13,10 @@ from math import inf
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
-from wsim.scene.check import objects
+from wsim.scene import Deformable, Pin, Problem, Scene
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import (
+    check_collider,
     check_number,
     check_point_array,
     check_rigid_motion,
@@ -26,7 +25,15 @@ from wsim.scene.check.objects import (
     thing_error,
 )
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import each_method_object, has_collisions, has_method_objects, has_self_collision, method_colliders
+from wsim.scene.methods import (
+    each_body_of_points,
+    each_method_object,
+    has_collisions,
+    has_method_objects,
+    has_self_collision,
+    method_colliders,
+    scene_skins,
+)
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
@@ -37,15 +44,10 @@ STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their 
 def check_scene(scene: Scene) -> list[Problem]:
     """Problems of a scene, errors first. Never raises for a bad scene, and does not change it."""
     found = [*_check_scene_settings(scene), *_check_prim_paths(scene)]
-    for cloth in scene.cloths:
-        found += objects.check_cloth(cloth)
-    for net in scene.springs:
-        found += objects.check_spring_net(net)
-    for soft in scene.softs:
-        from wsim.scene.check import soft as check_soft
-        found += check_soft.check_soft_body(soft)
+    for row, thing in each_body_of_points(scene):
+        found += row.role("check").check(thing, scene)
     for collider in scene.colliders:
-        found += objects.check_collider(collider)
+        found += check_collider(collider)
     for pin in scene.pins:
         found += _check_pin(pin, scene)
     found += _without_skeleton(scene)
@@ -55,20 +57,20 @@ def check_scene(scene: Scene) -> list[Problem]:
     for load in scene.loads:
         from wsim.scene.check import loads
         found += loads.check_load(load, scene)
-    for thing in scene.varying:
+    for value in scene.varying:
         from wsim.scene.check import varying
-        found += varying.check_varying_value(thing, scene)
-    for row, thing in each_method_object(scene) if scene.others else ():
+        found += varying.check_varying_value(value, scene)
+    for row, thing in each_method_object(scene):
         role = row.role("check")
-        found += [*objects.check_table_values(thing), *(role.check(thing, scene) if role else ())]
+        found += [*check_table_values(thing), *(role.check(thing, scene) if role else ())]
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
         found += [*_check_support(scene), *_check_sweep_damping(scene)]
         for body in scene.bodies():
             found += _check_held_points(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
-        for row in dict.fromkeys(row for row, _ in each_method_object(scene)) if scene.others else ():
+        for row in dict.fromkeys(row for row, _ in each_method_object(scene)):
             role = row.role("initial")
             found += role.check(scene) if role else ()
-        if scene.colliders or (scene.others and scene.bodies() and method_colliders(scene)):
+        if scene.colliders or (scene.bodies() and method_colliders(scene)):
             from wsim.scene.check import contact
             found += contact.check_contacts(scene)
     return sorted(found, key=lambda p: not p.fatal)
@@ -111,12 +113,13 @@ def _check_solver_choice(scene: Scene) -> Iterator[Problem]:
         if found not in allowed:
             yield thing_error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return
-    if scene.softs and scene.solver == "xpbd":
-        yield thing_error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made",
+    solids = [body.path for body in scene.bodies() if body.is_solid]
+    if solids and scene.solver == "xpbd":
+        yield thing_error("/", f"solver xpbd has no tetrahedra, of which {solids[0]} is made",
                            ", ".join(SOFT_SOLVERS), "choose one of them")
     named = TABLE.get(scene.integrator)
     if has_self_collision(scene) and named and named.solves > 1:
-        path = next(body.path for body in scene.bodies() if getattr(body, "self_collision", False))
+        path = next(body.path for body in scene.bodies() if body.self_collision)
         yield thing_error(path, f"it has wsim:selfCollision, and integrator {named.name} solves twice a step: what touches is "
                                  f"proven "
                            "where a step of one solution ends", "backward_euler, bdf2, implicit_midpoint or an explicit one",
@@ -150,9 +153,8 @@ def _check_sweep_damping(scene: Scene) -> Iterator[Problem]:
     if scene.fps <= 0.0 or scene.substeps < 1:
         return
     h = 1.0 / scene.fps / scene.substeps
-    swept: list[Cloth | Springs] = [*scene.cloths, *scene.springs]         # a soft body is solved for otherwise
-    for body in swept:
-        damping = body.material.damping if isinstance(body, Cloth) else body.damping
+    for body in (body for body in scene.bodies() if not body.is_solid):         # a soft body is solved for otherwise
+        damping = body.damping_time
         if damping > 4.0 * h:
             yield object_warning(body.path,
                                  f"damping is {damping:g} s, {damping / h:.0f} substeps of {h:g} s: it slows the solver's "
@@ -164,8 +166,7 @@ def _check_prim_paths(scene: Scene) -> Iterator[Problem]:
     if not scene.bodies() and not has_method_objects(scene):
         yield thing_error("/", "nothing here can move: no cloth, springs, soft body, rods, rigid body, smoke or liquid",
                            "at least one", "add one, as by scene.cloth(...); in USD, `wsim new cloth MESH -o SCENE` shows how")
-    skins = [skin for soft in scene.softs for skin in soft.skins]
-    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
+    named: list = [*scene.bodies(), *scene_skins(scene), *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
                    *(thing for _, thing in each_method_object(scene))]
     for path, n in Counter(thing.path for thing in named if not getattr(thing, "shares_path", False)).items():
         if n > 1:
@@ -204,7 +205,7 @@ def _without_skeleton(scene: Scene) -> Iterator[Problem]:
                                "add it: scene.add(bones)")
 
 
-def _check_held_points(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
+def _check_held_points(body: Deformable, pins: list[Pin]) -> list[Problem]:
     """Points that these pins hold hard far from where they start, or more than once at more than one place."""
     if not pins:
         return []
@@ -214,23 +215,11 @@ def _check_held_points(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Pr
     return [*check_distant_pin_targets(body, pins), *(check_conflicting_pins(body, pins) if twice else ())]
 
 
-def _connected_piece_labels(body: Cloth | Springs | Soft) -> np.ndarray:
+def _connected_piece_labels(body: Deformable) -> np.ndarray:
     """Label of the connected piece of each point, shape (n,); -1 for points of no face, spring or tet."""
-    n, used = len(body.points), np.zeros(len(body.points), bool)
-    if isinstance(body, Springs):
-        edges, corners = body.edges, body.edges.reshape(-1)
-    elif isinstance(body, Soft):
-        from wsim.geometry.tetra import tets
-        edges, corners = tets.edges_of_tets(body.tets), body.tets.reshape(-1)
-    else:
-        triangles = triangulate_polygons(body.points, body.counts, body.indices)[0]
-        edges, corners = topology.edges_of_triangles(triangles), body.indices
-        if body.weld > 0.0:                       # a duplicate of a seam goes with the particle that it is welded to
-            particle = topology.weld_points(body.motion.points(body.points), body.weld)
-            first = np.unique(particle, return_index=True)[1]
-            edges = np.concatenate([edges, np.stack([np.arange(n), first[particle]], axis=1)])
+    used, (edges, corners) = np.zeros(len(body.points), bool), body.held_points()
     used[corners] = True
-    return np.where(used, topology.labels_of_islands(n, edges), -1)
+    return np.where(used, topology.labels_of_islands(len(used), edges), -1)
 
 
 def _check_support(scene: Scene) -> Iterator[Problem]:
@@ -243,7 +232,7 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
             held[pin.points] = True
             hard[pin.points] |= pin.stiffness == inf
         label = _connected_piece_labels(body)
-        moved = np.arange(n) if isinstance(body, Springs) else np.where(label >= 0)[0]    # others move nothing
+        moved = np.where(label >= 0)[0] if body.has_surface else np.arange(n)    # others move nothing
         if hard[moved].all():
             yield thing_error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
                                "pin fewer points, or make it a collider")
@@ -259,7 +248,7 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
             yield object_warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
                                  "one piece, or pieces meant to fall apart",
                                  "make their points shared ones, pin each of them, or split the mesh"
-                                 if isinstance(body, Soft) else
+                                 if body.is_solid else
                                  "sew them (weld: a distance), pin each of them, or split the mesh")
-        if isinstance(body, Springs) and (label < 0).any():
+        if not body.has_surface and (label < 0).any():
             yield object_warning(path, f"{(label < 0).sum()} points belong to no spring", "none", "remove them")

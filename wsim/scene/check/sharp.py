@@ -7,7 +7,7 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene import Cloth, Collider, Problem, Scene, Surface
+from wsim.scene import Collider, Problem, Scene, Surface
 from wsim.scene.check.chord import CREASE
 from wsim.scene.check.objects import object_warning
 from wsim.scene.check.signed_distance import is_closed_mesh
@@ -58,12 +58,12 @@ def _find_creases(surface: Surface) -> bool:
 
 def has_edges(body) -> bool:
     """True if edges and triangles of a body meet sharp colliders."""
-    return isinstance(body, Cloth) and not body.self_collision
+    return body.is_sheet and not body.self_collision
 
 
 def has_edge_contacts(scene: Scene) -> bool:
     """True if a cloth of a scene meets a sharp collider by its edges, in runs without gradients by sweeps or explicit steps."""
-    return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(has_sharp_edges,
+    return scene.contact_width == 0.0 and any(map(has_edges, scene.bodies())) and any(map(has_sharp_edges,
                                                                                         point_contact_colliders(scene)))
 
 
@@ -92,4 +92,4 @@ def warn_of_newton(scene: Scene) -> Problem:
 
 def _sharp_contact_example(scene: Scene) -> tuple[str, str]:
     """Paths of a cloth and of a sharp collider."""
-    return next(filter(has_edges, scene.cloths)).path, next(filter(has_sharp_edges, point_contact_colliders(scene))).path
+    return next(filter(has_edges, scene.bodies())).path, next(filter(has_sharp_edges, point_contact_colliders(scene))).path

@@ -1,11 +1,11 @@
 """What can be wrong with points that two bodies share. NumPy only."""
 
 from collections.abc import Iterator
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 
-from wsim.scene import Cloth, Problem, Scene, Soft, Tie
+from wsim.scene import Problem, Scene, Tie
 from wsim.scene.check.objects import thing_error
 
 APART = 1e-4       # of the soft body's size, by which points that are to be one may stand apart
@@ -20,7 +20,7 @@ def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
                                ", ".join(list(bodies)[:5]) or "none, the scene has no body", "name one of them")
             return
     body, other = bodies[thing.body], bodies[thing.other]
-    if not isinstance(other, Soft) or body is other:
+    if not other.is_solid or body is other:
         yield thing_error(path, f"it ties {thing.body} to {thing.other}", "a body and another that is soft",
                            "name the soft body second")
         return
@@ -37,11 +37,11 @@ def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     twice = np.flatnonzero(np.bincount(thing.points) > 1)
     if len(twice):
         yield thing_error(path, f"point {twice[0]} of {thing.body} has more than one partner", "one", "name each point once")
-    if isinstance(body, Soft) and (body.quadratic or other.quadratic):
+    if body.is_solid and (body.quadratic or other.quadratic):
         yield thing_error(thing.body, f"it shares points with {thing.other}, and one of them is quadratic",
                            "soft bodies of linear tets",
                            "leave wsim:quadratic off: middles of edges are not shared yet")
-    if isinstance(body, Cloth) and (body.tethers or isfinite(body.material.strain_limit)):
+    if body.tethers or isfinite(body.material_number("strain_limit", inf)):
         what = "tethers" if body.tethers else "a strain limit"
         yield thing_error(thing.body, f"it shares points with {thing.other} and has {what}",
                            "a cloth without", "leave it out: both are projected for a body by itself")

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene import Cloth, Problem, Scene, Soft, Springs, Varying
+from wsim.scene import Deformable, Problem, Scene, Varying
 from wsim.scene.check.objects import thing_error
-from wsim.scene.methods import object_at_path
+from wsim.scene.methods import feels_air, object_at_path
 from wsim.scene.nodal.masses import single_density
 from wsim.scene.values import table
 from wsim.scene.values.value import ValueRow, value_holder
 
 # what a value needs at the start of a scene to do anything: why it does nothing, in words, "" where it does
 NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
-    "air": lambda thing, name, scene: "" if any(c.feels_air for c in scene.cloths) or any(
+    "air": lambda thing, name, scene: "" if feels_air(scene) or any(
         r.drag or r.skin_drag for r in scene.things("Rods")) else
     f"no cloth has drag or lift (wsim:drag, wsim:normalDrag, wsim:lift), and no rods have drag, so that {name} does nothing",
     "collider": lambda thing, name, scene: "" if scene.colliders else "there is no collider, so that friction does nothing",
@@ -28,7 +28,7 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
     "it is 0 at the start, so that nothing of it runs",
     "finite": lambda thing, name, scene: "" if isfinite(getattr(value_holder(thing, name), name)) else
     "it is infinite at the start, so that nothing of it runs",
-    "alone": lambda thing, name, scene: "it has more than one material" if isinstance(thing, Soft) and thing.others else "",
+    "alone": lambda thing, name, scene: "it has more than one material" if len(getattr(thing, "materials", ())) > 1 else "",
     "membrane": lambda thing, name, scene: "" if thing.model == "membrane" else "the model 'springs' has none",
     "shear": lambda thing, name, scene: "" if thing.model == "membrane" or (
         thing.material.shear > 0.0 and (thing.counts > 3).any()) else
@@ -39,9 +39,10 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
 }
 
 
-def has_painted_stiffness(cloth: Cloth, name: str) -> bool:
-    """True if the faces of a cloth have their own values of a stiffness, so that the material's does not count."""
-    return (cloth.bends if name == "bend" else cloth.stretches if name in ("stretch", "shear", "weft") else None) is not None
+def has_painted_stiffness(thing, name: str) -> bool:
+    """True if the faces of an object have their own values of a stiffness, so that the material's does not count."""
+    painted = {"bend": "bends", "stretch": "stretches", "shear": "stretches", "weft": "stretches"}.get(name)
+    return painted is not None and getattr(thing, painted, None) is not None
 
 
 def idle_value_reason(row: ValueRow, thing, scene: Scene) -> str:
@@ -58,7 +59,7 @@ def fixed_value_reason(path: str, name: str, scene: Scene) -> str:
     row = table.values_of_class(owner).get(name)
     if row is None or not row.varies:
         return f"it is fixed while a scene runs (what may vary there: {', '.join(table.varying_value_names(owner)) or 'none'})"
-    if isinstance(thing, Cloth) and has_painted_stiffness(thing, name):
+    if has_painted_stiffness(thing, name):
         return "its faces have values of their own"
     return idle_value_reason(row, thing, scene)
 
@@ -73,8 +74,8 @@ def check_varying_value(thing: Varying, scene: Scene) -> Iterator[Problem]:
     shape = (3,) if row.form == "vector" else ()
     if hasattr(owner, "driven") and len(owner.driven()) > 1:               # a joint: a number for each of its drives
         shape = (len(owner.driven()),)
-    if thing.name == "stiffness" and isinstance(owner, Springs):
-        shape = values.shape[1:] if values.shape[1:] in ((1,), (len(owner.edges),)) else shape
+    if thing.name == "stiffness" and isinstance(owner, Deformable):
+        shape = values.shape[1:] if values.shape[1:] in ((1,), (len(owner.held_points()[0]),)) else shape
     if values.shape[1:] != shape or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
         yield thing_error(thing.path, f"{thing.name} has keys of shape {values.shape[1:]}"
                            + ("" if values.dtype.kind in "fiu" and np.isfinite(values).all() else " that are not all finite"),

@@ -8,8 +8,7 @@ constant traction: Zienkiewicz, Taylor, The Finite Element Method 1, 8).
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene import Cloth, Load, Problem, SceneError, Soft
+from wsim.scene import Deformable, Load, Problem, SceneError
 from wsim.scene.curve import Curve
 
 
@@ -19,8 +18,7 @@ def nodal_load_shares(load: Load, body) -> tuple[np.ndarray, np.ndarray]:
     if load.triangles is None:
         return body.index[load.points], load.parts
     source = body.source
-    rest = source.motion.points(source.points if getattr(source, "rest_points", None) is None else source.rest_points)
-    area = topology.triangle_areas(rest, load.triangles) / 3.0
+    area = topology.triangle_areas(source.rest_places(), load.triangles) / 3.0
     if not len(body.middles):
         return body.index[load.triangles].ravel(), np.repeat(area, 3)
     n = len(body.index)
@@ -48,19 +46,7 @@ def given_curve(load: Load, curve: Curve, value) -> Curve:
     return new
 
 
-def surface_faces(body: Cloth | Soft) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of each face of a cloth, or of the surface of a soft body, and their points."""
-    if isinstance(body, Cloth):
-        return body.counts, body.indices
-    from wsim.geometry.tetra import tets
-    surface = tets.tet_surface_triangles(body.tets)
-    return np.full(len(surface), 3), surface.ravel()
-
-
-def surface_triangles_among(body: Cloth | Soft, points=None) -> np.ndarray:
-    """Triangles (m, 3) of a cloth, or of the surface of a soft body, all of whose corners are among some points (None: all)."""
-    if isinstance(body, Cloth):
-        triangles = triangulate_polygons(body.points, body.counts, body.indices)[0]
-    else:
-        triangles = surface_faces(body)[1].reshape(-1, 3)
+def surface_triangles_among(body: Deformable, points=None) -> np.ndarray:
+    """Triangles (m, 3) of the surface of a body, all of whose corners are among some points (None: all)."""
+    triangles = body.surface_triangles()
     return triangles if points is None else triangles[np.isin(triangles, np.asarray(points)).all(axis=1)]

@@ -1,14 +1,18 @@
 """Masses of the author's points. NumPy only."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.scene import Cloth, Soft
+
+if TYPE_CHECKING:
+    from wsim.scene import Cloth, Soft
 
 THIN = 1.0 / 64.0      # least part of a cage's tet that counts: with less, light points hang on nothing and want small steps
 
 
-def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.ndarray:
+def cloth_masses(cloth: "Cloth", triangles: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """Mass of each author's point [kg]: authored, or rest area times thickness times density, a third to each corner. Points of
     no triangle, which nothing holds, have the mean of the others."""
     if cloth.masses is not None:
@@ -36,7 +40,7 @@ def fill_loose_masses(masses: np.ndarray, corners: np.ndarray) -> tuple[np.ndarr
     return masses, alone
 
 
-def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def soft_masses(soft: "Soft", rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mass of each author's point [kg], and the points that no tet has (which get some mass, and stay where they are).
 
     Authored, or the volume of the tets at rest times density; of tets that are partly body at least THIN of it."""
@@ -51,19 +55,19 @@ def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return masses, idle
 
 
-def soft_weights(soft: Soft) -> np.ndarray:
+def soft_weights(soft: "Soft") -> np.ndarray:
     """Mass of each tet over its volume [kg/m^3], (t,)."""
     density = np.array([m.density for m in soft.materials])[0 if soft.which is None else soft.which]
     return np.broadcast_to(density * soft_share(soft), len(soft.tets))
 
 
-def soft_share(soft: Soft) -> np.ndarray | float:
+def soft_share(soft: "Soft") -> np.ndarray | float:
     """Factor of mass and stiffness of each tet [1], (t,) or 1."""
     return 1.0 if soft.filled is None else np.maximum(soft.filled.astype(np.float64), THIN)
 
 
 def single_density(source) -> float | None:
     """The one density [kg/m^3] that all masses of a body follow; None where masses are authored or materials differ."""
-    if not isinstance(source, (Cloth, Soft)) or source.masses is not None or source.mass is not None:
+    if len(source.materials) != 1 or source.masses is not None or source.mass is not None:
         return None
-    return None if isinstance(source, Soft) and source.others else source.material.density
+    return source.materials[0].density

@@ -12,7 +12,7 @@ import numpy as np
 
 from wsim.geometry.tetra.embed import embed_in_tets
 from wsim.geometry.tetra.tets import signed_tet_volumes
-from wsim.scene import Problem, Scene, SceneError, Skin, Soft
+from wsim.scene import Problem, Scene, SceneError
 
 
 @dataclass
@@ -31,7 +31,7 @@ class SkinEmbedding:
                    np.zeros((len(self.rows), 3)))
 
 
-def embed_skin(soft: Soft, skin: Skin) -> SkinEmbedding:
+def embed_skin(soft, skin) -> SkinEmbedding:
     """Finds the tet of each point of a skin, where both are at rest. Lengths are those of the world at the start, so that a
     transform that stretches does no harm, nor one that mirrors.
 
@@ -58,10 +58,10 @@ def embed_skin(soft: Soft, skin: Skin) -> SkinEmbedding:
 def embed_all_skins(scene: Scene) -> dict[str, SkinEmbedding]:
     """All skins of a scene by path. Raises SceneError with every skin that cannot follow."""
     found, problems = {}, []
-    for soft in scene.softs:
-        for skin in soft.skins:
+    for body in scene.bodies():
+        for skin in body.skins:
             try:
-                found[skin.path] = embed_skin(soft, skin)
+                found[skin.path] = embed_skin(body, skin)
             except SceneError as error:
                 problems += error.problems
     if problems:

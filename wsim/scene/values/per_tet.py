@@ -1,14 +1,15 @@
 """A value for each tet of a soft body, as materials: one for each value that differs. NumPy only."""
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.scene.bodies import Soft
+if TYPE_CHECKING:
+    from wsim.scene import Soft
 
 
-def material_per_tet(soft: Soft, name: str, values: np.ndarray) -> Soft:
+def material_per_tet(soft: "Soft", name: str, values: np.ndarray) -> "Soft":
     """`soft` with values (t,) of young, poisson or another field of its materials; its first material has their median, which
     no tet need have."""
     which = np.zeros(len(soft.tets), np.int64) if soft.which is None else soft.which

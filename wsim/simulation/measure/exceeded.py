@@ -11,7 +11,6 @@ import numpy as np
 from wsim.model.model import edge_lengths
 from wsim.model.stage import STRETCHED, THROWN, UNSOLVED
 from wsim.physics.motion.divergence_monitor import MOST
-from wsim.scene import Cloth
 
 EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are too long for it; give more substeps, or solver "
             "auto")
@@ -60,7 +59,7 @@ def note_exceeded_limits(sim) -> None:
 
 def warn_of_depth(sim, depth: float) -> list[str]:
     """A warning where a collider stands out of a cloth by more than DEEP of its edges. depth: penetration now [m]."""
-    cloths = [b for b in sim.model.bodies if isinstance(b.source, Cloth)]
+    cloths = [b for b in sim.model.bodies if b.source.is_sheet]
     edges = {b.path: float(np.median(edge_lengths(b))) for b in cloths if b.world == 0 and len(b.edges)}
     if not edges or len(cloths) < len(sim.model.bodies) or depth <= DEEP * max(edges.values()):
         return []

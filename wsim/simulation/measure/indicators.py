@@ -11,7 +11,7 @@ implicit ones is their numerical damping:
 """
 
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 import warp as wp
@@ -19,6 +19,7 @@ import warp as wp
 from wsim.model.model import PointBody, edge_lengths
 from wsim.scene import Pin
 from wsim.scene.curve import Curve
+from wsim.scene.methods import has_other_objects
 from wsim.simulation.duration import warn_of_missed_rate
 from wsim.simulation.measure.exceeded import warn_of_depth
 from wsim.simulation.plan import SimulationPlan
@@ -126,10 +127,8 @@ def energy_is_conserved(sim) -> bool:
     scene = sim.scene
     lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying or scene.loads)]
     lossy += [isinstance(value, Curve) for _, _, value, _ in sim.changes]
-    lossy += [c.material.damping or c.feels_air or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
-    lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
-    lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]
-    return not (any(lossy) or scene.others) and all(_pin_stays_in_place(sim, pin) for pin in scene.pins)
+    lossy += [body.loses_energy for body in scene.bodies()]
+    return not (any(lossy) or has_other_objects(scene)) and all(_pin_stays_in_place(sim, pin) for pin in scene.pins)
 
 
 def _pin_stays_in_place(sim, pin: Pin) -> bool:

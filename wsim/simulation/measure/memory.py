@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.methods import other_objects
 
 LARGE = 200_000        # points, cells and particles of all worlds, from which it is counted before they are made
 
@@ -89,8 +90,7 @@ class MemoryForWorlds:
 
 def worlds_need_memory_check(scene: Scene, worlds: int) -> bool:
     """True if worlds of a scene are so much that their memory is counted first."""
-    others = [thing for found in scene.others.values() for thing in found]
-    one = sum(len(b.points) for b in scene.bodies()) + sum(getattr(thing, "elements", 1) for thing in others)
+    one = sum(len(b.points) for b in scene.bodies()) + sum(getattr(thing, "elements", 1) for thing in other_objects(scene))
     return worlds > 1 and worlds * one > LARGE
 
 

@@ -77,9 +77,9 @@ class PinReactions:
 
     def __init__(self, plan: SimulationPlan):
         self.plan, self.model = plan, plan.model
-        for c in self.model.scene.cloths:
-            if c.tethers or np.isfinite(c.material.strain_limit):
-                raise gradient_refusal("limits", c.path)
+        for body in self.model.scene.bodies():
+            if body.tethers or np.isfinite(body.material_number("strain_limit", np.inf)):
+                raise gradient_refusal("limits", body.path)
         pins = plan.ports.pins
         self.constants, self.held = plan.ports.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()

@@ -10,7 +10,7 @@ from wsim.geometry.tetra.tets import signed_tet_volumes
 from wsim.kernels.soft import stress as kernels
 from wsim.model import kernel_cache
 from wsim.model.model import PointBody
-from wsim.scene import Problem, SceneError, Soft
+from wsim.scene import Problem, SceneError
 from wsim.simulation.plan import SimulationPlan
 
 
@@ -39,8 +39,8 @@ class Stress:
 def stress_of_soft_body(plan: SimulationPlan, path: str | None, world: int = 0) -> Stress:
     """Stress of the soft body of that path (None: the only body) now. Raises SceneError where that is no soft body."""
     body = plan.model.body(path, world)
-    if not isinstance(body.source, Soft):
-        raise SceneError(Problem(body.path, f"is a {type(body.source).__name__.lower()}; stress is that of soft bodies"))
+    if not body.source.is_solid:
+        raise SceneError(Problem(body.path, f"is a {body.source.noun}; stress is that of soft bodies"))
     found = np.zeros((len(body.tets), 2))
     for table in plan.solids:
         first = 0

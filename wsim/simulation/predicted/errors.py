@@ -22,8 +22,7 @@ import numpy as np
 
 from wsim.geometry.topology import triangle_areas
 from wsim.model.model import Model, PointBody, edge_lengths
-from wsim.scene import Cloth
-from wsim.scene.methods import has_collisions, has_self_collision, method_colliders
+from wsim.scene.methods import has_collisions, has_self_collision, has_tets, method_colliders
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
                        # to 2.1 (at 0.25 s 0.26: it grows with time)
@@ -128,8 +127,8 @@ def acceleration_by_air(model: Model) -> list[tuple[float, float]]:
     found, scene = [], model.scene
     speed = float(np.linalg.norm(scene.wind))
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
-        air = body.source.air if isinstance(body.source, Cloth) else {}
-        c = scene.air_density * speed * (air.get("drag", 0.0) + air.get("lift", 0.0)) * _area_by_mass(body) if air else 0.0
+        air = body.source.air
+        c = scene.air_density * speed * (air["drag"] + air["lift"]) * _area_by_mass(body) if body.source.is_sheet else 0.0
         own = normal_decay(body)
         found.append(((0.5 * c + own) * speed, c + own))
     return found
@@ -137,7 +136,7 @@ def acceleration_by_air(model: Model) -> list[tuple[float, float]]:
 
 def normal_decay(body: PointBody) -> float:
     """Rate [1/s] at which the normal drag of its material slows a body."""
-    c = body.source.air["normal_drag"] if isinstance(body.source, Cloth) else 0.0
+    c = body.source.air["normal_drag"]
     return c * _area_by_mass(body) if c else 0.0
 
 
@@ -157,11 +156,11 @@ def newton_error(model: Model, bodies: list[FallingBody], h: float, name: str, o
     if name not in ("bdf2", "sdirk3"):
         return backward_euler_error(model, bodies, h)
     scene = model.scene
-    flown = any(c.drag or c.lift for c in scene.cloths)
+    flown = any(body.drag or body.lift for body in scene.bodies())
     first = drift_error(bodies, h, EULER) if has_collisions(scene) else drift_error(bodies, h) if flown else \
         drag_error(model, bodies, h, scene.air_drag)
     own = max(((THIRD if name == "sdirk3" else SECOND) * b.g * h * h for b in bodies), default=0.0)
-    turned = 0.0 if scene.softs else TURNED * (omega * h)**2 * drift_error(bodies, h, 1.0)
+    turned = 0.0 if has_tets(scene) else TURNED * (omega * h)**2 * drift_error(bodies, h, 1.0)
     return own + first + turned
 
 

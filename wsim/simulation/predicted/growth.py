@@ -22,11 +22,12 @@ growth of a perturbation that two runs show is 0.4 to 1.4 times what is said whe
 
 from collections.abc import Callable
 from math import exp, sqrt
+from typing import Any, cast
 
 import numpy as np
 
 from wsim.model.model import edge_lengths
-from wsim.scene import Box, Cloth, Cone, Cylinder
+from wsim.scene import Box, Cone, Cylinder
 from wsim.simulation.predicted import errors
 
 GROWS = 0.81           # points of a sheet do not move one by one, and compression comes and goes
@@ -162,13 +163,13 @@ class AcrossStiffness:
     """Stiffness of a net or sheet against points that move across it: lengths and ends of its edges are looked up once."""
 
     def __init__(self, body):
-        rest, source = edge_lengths(body), body.source
+        rest, source = edge_lengths(body), cast(Any, body.source)
         good = rest > 0.0
         self.edges, self.rest = body.edges[good], rest[good]
         self.ends = np.ravel(self.edges.T - body.first)
         self.free, self.bend = body.masses > 0.0, np.zeros(1)
         self.masses = np.where(self.free, body.masses, 1.0)
-        if isinstance(source, Cloth):
+        if source.is_sheet:
             self.stretch = source.material.stretch if source.stretches is None else float(np.mean(source.stretches))
             self.bend = source.material.bend * (np.pi / self.rest)**2
         else:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import SceneError
+from wsim.scene.methods import has_other_objects
 from wsim.simulation.duration import percent_of_size
 from wsim.simulation.predicted.errors import ROUNDED, falling_bodies
 from wsim.simulation.predicted.growth import DifferenceGrowth, LeapfrogErrorGrowth
@@ -142,7 +143,7 @@ def _measured_error_of_run(sim) -> MeasuredRunError | None:
     """What measures a run; None where its steps are not chosen for an error, or other things than points are simulated."""
     scene, plan = sim.scene, sim.plan
     chosen = (scene.solver, scene.integrator) == ("auto", "auto") and plan.choice.error is not None and sim.fps is None
-    alone = sim.worlds == 1 and not sim.gradients and not scene.others and sim.model.alias is None
+    alone = sim.worlds == 1 and not sim.gradients and not has_other_objects(scene) and sim.model.alias is None
     return MeasuredRunError(sim) if chosen and alone and sim.model.points <= MOST else None
 
 

@@ -14,7 +14,7 @@ from wsim.model.model import Model
 from wsim.physics.motion.stability import substeps_needed
 from wsim.scene.check import counts
 from wsim.scene.integrator import TABLE, Integrator
-from wsim.scene.methods import has_collisions, method_colliders
+from wsim.scene.methods import has_collisions, has_tets, method_colliders, solid_materials
 from wsim.simulation import choice as choices
 from wsim.simulation import cost
 from wsim.simulation.choice import SOLVED, SchemeChoice
@@ -66,7 +66,7 @@ def _choice_of_steps(solver: str, integrator: Integrator, iterations: int, omega
 
 def _ways_to_step(model: Model) -> Iterator[tuple[int, Callable[[int], SchemeChoice]]]:
     """The least steps of each solver that a scene may have, and the choice of so many."""
-    scene = model.scene
+    scene, solid = model.scene, has_tets(model.scene)
     named = TABLE.get(scene.integrator)
     explicit = scene.solver == "explicit" or bool(named and named.explicit)
     free = scene.solver == "auto" and named is None
@@ -74,7 +74,7 @@ def _ways_to_step(model: Model) -> Iterator[tuple[int, Callable[[int], SchemeCho
         from wsim.physics.motion.frequency import RowSums, frequency_bound
         own, rows = named or TABLE["leapfrog"], RowSums(model)
         omega, c = frequency_bound(model, rows=rows)
-        stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
+        stiffens = any(m.model not in ("corotational", "linear") for m in solid_materials(scene))
         least = int(substeps_needed(scene, own, omega, c) * (choices.STIFFENED if stiffens else 1.0))
         yield max(1, least), _choice_of_steps("explicit", own, 1)
         few = choices.leapfrog_with_added_mass(model, rows)[0] if named is None and not explicit else 0
@@ -82,12 +82,12 @@ def _ways_to_step(model: Model) -> Iterator[tuple[int, Callable[[int], SchemeCho
             yield few, lambda n: replace(_choice_of_steps("explicit", own, 1)(n), slowed=n < least)
     if explicit:
         return
-    if not scene.softs and scene.solver in ("auto", "xpbd") and not (free and choices.masses_are_uneven(model)):
+    if not solid and scene.solver in ("auto", "xpbd") and not (free and choices.masses_are_uneven(model)):
         own = named or TABLE["backward_euler"]
         for m in SWEEPS:
             yield 1, _choice_of_steps("xpbd", own, m)
-    if scene.solver == "implicit" or scene.softs or free and errors.newton_known(model):
-        omega, m = cost.highest_frequency(model), SOLVED if scene.softs else 1
+    if scene.solver == "implicit" or solid or free and errors.newton_known(model):
+        omega, m = cost.highest_frequency(model), SOLVED if solid else 1
         for own in _newton_integrators(model, named):
             yield 1, _choice_of_steps("implicit", own, m, omega)
 
@@ -97,7 +97,7 @@ def _newton_integrators(model: Model, named: Integrator | None) -> list[Integrat
     scene = model.scene
     if named:
         return [TABLE["bdf2"] if named.rebounds and method_colliders(scene) else named]
-    names = ["backward_euler"] if scene.softs and has_collisions(scene) else ["sdirk3", "bdf2"] if scene.softs else ["bdf2"]
+    names = ["bdf2"] if not has_tets(scene) else ["backward_euler"] if has_collisions(scene) else ["sdirk3", "bdf2"]
     return [TABLE[name] for name in names]
 
 

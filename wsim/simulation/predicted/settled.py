@@ -21,6 +21,7 @@ import numpy as np
 
 from wsim.model.kernel_cache import GATE
 from wsim.scene import SceneError
+from wsim.scene.methods import other_objects
 from wsim.simulation.measure.indicators import edge_strain
 
 # (parts, sweeps of a part) for runs of one sweep a substep, whose compiled kernels are used again (others take 2 to 4 s to
@@ -73,7 +74,7 @@ class SettledStrain:
     @staticmethod
     def strained(sim, least: float) -> bool:
         """False where the device finds in one launch that no edge strains by so much: the host takes 3 ms for 19 000 edges."""
-        watch, muscles = sim.plan.ports.stretch_watch, any(net.actuation for net in sim.scene.springs)
+        watch, muscles = sim.plan.ports.stretch_watch, any(body.actuation for body in sim.scene.bodies())
         with GATE.shared():                                    # else the launch goes into what another thread captures
             return watch is None or muscles or watch.stretch_exceeds(1.0 + least - ROUNDED)
 
@@ -133,6 +134,6 @@ def peak_strain(sim) -> float:
 def estimate_of(sim) -> SettledStrain | None:
     """The estimate of a run's strain; None where it has none of sweeps, or things beside that may not be stepped twice."""
     alone = sim.worlds == 1 and not sim.gradients and sim.fps is None and sim.model.alias is None
-    there = {name for name, things in sim.scene.others.items() if things}
+    there = {type(thing).__name__ for thing in other_objects(sim.scene)}
     swept = sim.plan.choice.solver == "xpbd" and sim.model.points <= MOST
     return SettledStrain(sim) if alone and swept and there <= BESIDE else None

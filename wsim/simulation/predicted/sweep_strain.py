@@ -24,7 +24,6 @@ import numpy as np
 from wsim.geometry import topology
 from wsim.model.model import Model, PointBody, hard_places
 from wsim.physics.cloth.constraints import of_body
-from wsim.scene import Cloth
 
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
@@ -33,7 +32,7 @@ def sweep_lag(model: Model, falls: list) -> float:
     """Strain over h^2 / M, g q [1/s^2], largest of all cloths. falls: `wsim.simulation.predicted.errors.falling_bodies`."""
     bodies, pinned = [b for b in model.bodies if b.world == 0 and len(b.edges)], hard_places(model)
     return max((f.g * slenderness_of_cloth(b, pinned, f.size) for b, f in zip(bodies, falls, strict=True)
-                if isinstance(b.source, Cloth)),
+                if b.source.is_sheet),
                default=0.0)
 
 

@@ -33,7 +33,7 @@ UNREAD = {"physics:restTriVertexIndices": "the triangles of the mesh count",
           "physics:restBendAngles": "rest angles are flat or those of the rest shape"}
 
 
-def load_cloth(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None:
+def load_body(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None:
     """The cloth of a simulation mesh; None if it has no geometry (which is reported)."""
     units, path = reading.units, str(mesh.GetPath())
     if not mesh.IsA(UsdGeom.Mesh):

@@ -6,7 +6,8 @@ the surface. Samples of the force or traction are keys of its curve (`wsim.usd.t
 
 from pxr import Sdf, Usd
 
-from wsim.scene import Cloth, Load, Soft, Springs
+from wsim.scene import Load
+from wsim.scene.bodies import Deformable, PointObject
 from wsim.scene.curve import Curve
 from wsim.scene.nodal.loads import surface_triangles_among
 from wsim.usd import names
@@ -16,7 +17,7 @@ from wsim.usd.stage import StageReading, StageUnits
 from wsim.usd.transforms.curves import author_curve, read_curve
 
 
-def load_applied_force(reading: StageReading, prim: Usd.Prim, bodies: dict[str, Cloth | Springs | Soft]) -> Load | None:
+def load_applied_force(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObject]) -> Load | None:
     """The load of a prim; None if something of it is broken (reported).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
@@ -43,7 +44,7 @@ def load_applied_force(reading: StageReading, prim: Usd.Prim, bodies: dict[str, 
             return None
         points = particles_of_vertices(reading, prim, body, points, names.attribute_entry("Load", "points").attribute)
         return None if points is None else Load(str(path), body.path, _read_load_curve(prim, "force", units), points, weights)
-    if not isinstance(body, Cloth | Soft) or weights is not None:
+    if not isinstance(body, Deformable) or not body.has_surface or weights is not None:
         reading.fail(path, "has weights, which a force on points has; remove them" if weights is not None else
                      f"has a traction, and {body.path} has no triangles; author a force on points")
         return None
@@ -61,7 +62,7 @@ def _read_load_curve(prim: Usd.Prim, name: str, units: StageUnits) -> Curve:
     return read_curve(attribute, units, lambda code: read_attribute(prim, "Load", name, units, code))
 
 
-def author_load(stage: Usd.Stage, load: Load, body: Cloth | Springs | Soft, units: StageUnits) -> None:
+def author_load(stage: Usd.Stage, load: Load, body: PointObject, units: StageUnits) -> None:
     """Defines the prim of a load."""
     prim = stage.DefinePrim(load.path, "Scope")
     prim.AddAppliedSchema(names.WSIM_LOAD)

@@ -7,26 +7,29 @@ forces move is refused. Other kinds are left out with a note. Weights that are p
 (`wsim.usd.prims.painted`).
 """
 
-from typing import Any
+
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.scene import Cloth, Pin, Soft, Springs, Tie
+from wsim.scene import Pin, Tie
+from wsim.scene.bodies import Deformable, PointObject
 from wsim.scene.methods import method_file
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute, read_attribute
 from wsim.usd.prims.painted import LEVELS, read_vertex_map
-from wsim.usd.prims.springs import curve_vertices
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import author_motion, read_placement, split_rotation_scale
 
-Body = Cloth | Springs | Soft | Any        # or `Rods`, which no module of USD imports
+if TYPE_CHECKING:
+    from wsim.scene import Springs
+
 FRAME = "frame"                    # child of a pin that it hangs on where it names no target
 DERIVED = "wsim:derived"           # custom data of coords1 that follow from the points
 
 
-def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin | None:
+def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObject]) -> Pin | None:
     """The pin of an attachment; None if it is switched off, or of another kind (noted), or broken (reported).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
@@ -79,7 +82,7 @@ def is_followed(reading: StageReading, prim: Usd.Prim) -> bool:
     return kind in (("point", "point"), ("face", "point")) and Sdf.Path(_forwarded_target(prim, names.SRC1)) in reading.skinned
 
 
-def _follow_mesh(reading: StageReading, prim: Usd.Prim, pin: Pin, body: Body, kind: str) -> bool:
+def _follow_mesh(reading: StageReading, prim: Usd.Prim, pin: Pin, body: PointObject, kind: str) -> bool:
     """Sets the places on a skinned mesh that the pin holds points at; False if they are broken (reported)."""
     if ((pin.points < 0) | (pin.points >= len(body.points))).any():
         reading.fail(prim.GetPath(), f"physics:indices0 holds numbers outside of 0 to {len(body.points) - 1}; name points of "
@@ -147,10 +150,10 @@ def _carrying_rigid_body(reading: StageReading, xform: Usd.Prim) -> str:
     return ""
 
 
-def particles_of_vertices(reading: StageReading, prim: Usd.Prim, body: Body, points: np.ndarray,
+def particles_of_vertices(reading: StageReading, prim: Usd.Prim, body: PointObject, points: np.ndarray,
                           name: str) -> np.ndarray | None:
     """Points of the body from vertices of its prim, which the attribute `name` holds: a net's particle has several."""
-    if not isinstance(body, Springs):
+    if not body.is_net:
         return points
     numbering = read_attribute(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
     if numbering is None:
@@ -163,14 +166,14 @@ def particles_of_vertices(reading: StageReading, prim: Usd.Prim, body: Body, poi
     return numbering[points]
 
 
-def _pin_local_positions(pin: Pin, body: Body) -> np.ndarray:
+def _pin_local_positions(pin: Pin, body: PointObject) -> np.ndarray:
     """Where the held points are at the start, in the target's frame [m], (k, 3)."""
     world = body.motion.points(body.points[pin.points])
     M = pin.motion.at(0.0)
     return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
 
 
-def _coords_are_derived(prim: Usd.Prim, pin: Pin, body: Body, units: StageUnits) -> bool:
+def _coords_are_derived(prim: Usd.Prim, pin: Pin, body: PointObject, units: StageUnits) -> bool:
     """True if coords1 were written only for other readers and still agree with the points."""
     attribute = prim.GetAttribute("physics:coords1")
     inside = np.all((pin.points >= 0) & (pin.points < len(body.points)))
@@ -181,7 +184,7 @@ def _coords_are_derived(prim: Usd.Prim, pin: Pin, body: Body, units: StageUnits)
     return np.allclose(pin.places, _pin_local_positions(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
 
 
-def load_painted(reading: StageReading, mesh: Usd.Prim, body: Cloth | Soft) -> list[Pin]:
+def load_painted(reading: StageReading, mesh: Usd.Prim, body: Deformable) -> list[Pin]:
     """Pins of the weights that are painted on a mesh: PATH/painted of 1, PATH/painted_K of K / LEVELS."""
     found = read_vertex_map(reading, mesh, "pin", "1", {"point": len(body.points)})
     if found is None:
@@ -198,25 +201,13 @@ def load_painted(reading: StageReading, mesh: Usd.Prim, body: Cloth | Soft) -> l
     for k in (int(k) for k in np.unique(level) if k):
         pin = Pin(f"{body.path}/painted" + (f"_{k}" if k < LEVELS else ""), body.path, np.flatnonzero(level == k))
         if k < LEVELS:
-            pin.stiffness = k / (LEVELS - k) * _body_stiffness(body)
+            pin.stiffness = k / (LEVELS - k) * body.stiffness_at_point()
         if _set_pin_target(reading, mesh, pin, body.path):
             pins.append(pin)
     return pins
 
 
-def _body_stiffness(body: Cloth | Soft) -> float:
-    """Stiffness of a body as a point of it feels it [N/m]."""
-    if isinstance(body, Cloth):
-        return body.material.stretch
-    if not len(body.tets) or body.tets.min() < 0 or body.tets.max() >= len(body.points):
-        return 1.0                                             # reported by wsim.scene.check.soft
-    from wsim.geometry.tetra.tets import edges_of_tets
-    x = body.motion.points(body.points if body.rest_points is None else body.rest_points, 0.0)
-    a, b = edges_of_tets(body.tets).T
-    return body.material.young * float(np.linalg.norm(x[b] - x[a], axis=1).mean())
-
-
-def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: StageUnits, frames: int) -> None:
+def author_pin(stage: Usd.Stage, pin: Pin, body: PointObject, units: StageUnits, frames: int) -> None:
     """Defines the attachment of a pin and, where it has no target of its own, the Xform that it hangs on."""
     prim = stage.DefinePrim(pin.path, names.ATTACHMENT)
     target = pin.target or f"{pin.path}/{FRAME}"
@@ -239,18 +230,19 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: StageUnits, frames
     author_attribute(prim, "Pin", "damping", pin.damping, units)
 
 
-def vertices_of_particles(points: np.ndarray, body: Body) -> np.ndarray:
+def vertices_of_particles(points: np.ndarray, body: PointObject) -> np.ndarray:
     """Vertices of the body's prim: of a net, the first of each particle."""
-    if not isinstance(body, Springs):
+    if not body.is_net:
         return points
-    return np.unique(curve_vertices(body), return_index=True)[1][points]
+    from wsim.usd.prims.springs import curve_vertices
+    return np.unique(curve_vertices(cast("Springs", body)), return_index=True)[1][points]
 
 
 def is_tie(prim: Usd.Prim) -> bool:
     return read_attribute(prim, "Pin", "type0") == read_attribute(prim, "Pin", "type1") == "point"
 
 
-def load_tie(reading: StageReading, prim: Usd.Prim, bodies: dict[str, Body]) -> Tie | None:
+def load_tie(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObject]) -> Tie | None:
     """The tie of an attachment; None if it is switched off, or between bodies that cannot share points (noted).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
@@ -265,15 +257,16 @@ def load_tie(reading: StageReading, prim: Usd.Prim, bodies: dict[str, Body]) -> 
         if body is None:
             reading.warn(path, f"attaches {source or 'nothing'}, which is no simulated cloth or soft body; it is left out")
             return None
-    (mine, points), (other, others) = found if isinstance(found[1][0], Soft) else found[::-1]
-    if not isinstance(other, Soft) or isinstance(mine, Springs):
+    (mine, points), (other, others) = [(cast(PointObject, body), rows) for body, rows in found]
+    if not other.is_solid:
+        (mine, points), (other, others) = (other, others), (mine, points)
+    if not (other.is_solid and mine.has_surface):
         reading.warn(path, f"attaches points of {ends[0][0]} to points of {ends[1][0]} and is left out: a cloth or a soft body "
                      "shares points with a soft body")
         return None
     if points is None or others is None:
         reading.warn(path, "has no physics:indices0 or no physics:indices1: it holds no point and is left out")
         return None
-    assert mine is not None
     return Tie(str(path), mine.path, points, other.path, others)
 
 

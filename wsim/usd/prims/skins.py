@@ -46,7 +46,7 @@ def load_skins(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft
             continue
         turned = prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded
         if not np.array_equal(own, there):
-            with np.errstate(invalid="ignore"):                # points that are not finite: reported by wsim.scene.check.soft
+            with np.errstate(invalid="ignore"):                # points that are not finite: reported by wsim.physics.soft.check
                 points = _world_to_frame(own, points @ there[:3, :3].T + there[:3, 3])
             turned ^= (np.linalg.det(there[:3, :3]) < 0) != is_mirrored_frame(soft)
         skin = Skin(str(prim.GetPath()), points, counts, reverse_polygons(counts, indices) if turned else indices)
@@ -148,7 +148,7 @@ def author_skin(stage: Usd.Stage, soft: Soft, skin: Skin, units: StageUnits, fra
 def skin_problems(scene: Scene) -> Iterator[Problem]:
     """Skins that a stage cannot hold as meshes of their body."""
     bodies: dict[str, str] = {}
-    for soft in (s for s in scene.softs if s.skins):
+    for soft in (soft for soft in scene.softs if soft.skins):
         body = deformable_body_path(soft)
         for skin in soft.skins:
             if len(skin.counts) == 0:

@@ -29,7 +29,7 @@ OWN = ("pressure", "quadratic", "filled", "self_collision")                    #
 TURNED = [0, 1, 3, 2]                                         # corners of a tet of the opposite winding
 
 
-def load_soft(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim) -> Soft | None:
+def load_body(reading: StageReading, mesh: Usd.Prim, body: Usd.Prim) -> Soft | None:
     """The soft body of a simulation mesh; None if it has no geometry (which is reported)."""
     units, path = reading.units, str(mesh.GetPath())
     if not mesh.IsA(UsdGeom.TetMesh):
@@ -83,7 +83,7 @@ def _read_soft_rest_points(reading: StageReading, mesh: Usd.Prim, soft: Soft, de
         return None
     n = len(soft.points)
     if soft.tets.min() < 0 or soft.tets.max() >= n:
-        return default                                         # reported by wsim.scene.check.soft
+        return default                                         # reported by wsim.physics.soft.check
     place = np.full(n, -1)
     place[soft.tets] = rows
     apart = (place[soft.tets] != rows).any(axis=1)
@@ -121,8 +121,8 @@ def _orient_tets_positive(reading: StageReading, mesh: Usd.Prim, soft: Soft) -> 
     tets = soft.tets[:, TURNED] if (orientation == UsdGeom.Tokens.leftHanded) != is_mirrored_frame(soft) else soft.tets
     rest = soft.points if soft.rest_points is None else soft.rest_points
     if len(rest) != len(soft.points) or not np.isfinite(soft.motion.values).all():
-        return tets                                            # reported by wsim.scene.check.soft
-    with np.errstate(invalid="ignore"):                        # points that are not finite: reported by wsim.scene.check.soft
+        return tets                                            # reported by wsim.physics.soft.check
+    with np.errstate(invalid="ignore"):                        # points that are not finite: reported by wsim.physics.soft.check
         mended, wrong, _ = repair_tets(soft.motion.points(rest), tets)
     if len(wrong):
         reading.warn(mesh.GetPath(), f"{len(wrong)} of its {len(tets)} tets are wound against its orientation {orientation} "

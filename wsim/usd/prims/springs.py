@@ -29,7 +29,7 @@ from wsim.usd.transforms import author_motion, read_placement
 from wsim.usd.transforms.curves import author_curve, read_curve
 
 
-def load_springs(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Springs | None:
+def load_body(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Springs | None:
     """The net of a BasisCurves prim; None if it cannot be read (which is reported)."""
     path, curves = prim.GetPath(), UsdGeom.BasisCurves(prim)
     if not curves:

@@ -96,7 +96,7 @@ class SurfaceOver:
 
 def soft_body_surfaces(scene: Scene, bodies: Mapping[str, tuple[Usd.Prim, int]], codes: list[float]) -> dict[str, SurfaceOver]:
     """Surfaces of the soft bodies without skins, by path. bodies: prim and count by path; codes as `SurfaceOver` has them."""
-    return {s.path: SurfaceOver(bodies[s.path][0], s, scene.start, codes) for s in scene.softs if not s.skins}
+    return {s.path: SurfaceOver(bodies[s.path][0], s, scene.start, codes) for s in scene.things("Soft") if not s.skins}
 
 
 def free_prim_path(stage: Usd.Stage, path: str) -> str:

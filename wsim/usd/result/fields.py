@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from wsim.scene import Cloth, Collider, Pin, Soft, Springs
+from wsim.scene import Collider, Pin, Soft
 from wsim.scene.solid import Bulk
 from wsim.scene.values.per_tet import material_fields_with, material_per_tet
 from wsim.usd import names
@@ -39,10 +39,9 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
                 primvar.GetAttr().SetCustomDataByKey(ELEMENTS, True)
             primvar.Set(Vt.DoubleArray.FromNumpy(values / units.factor((names.PER_TET | names.PER_ELEMENT)[name])))
         elif name == "velocities":
-            owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
-            author_attribute(prim, owner, name, _field_at_vertices(prim, thing.velocities), units)
+            author_attribute(prim, type(thing).__name__, name, _field_at_vertices(prim, thing.velocities), units)
         elif name == "rest_shape":
-            author_attribute(prim, "Cloth" if isinstance(thing, Cloth) else "Soft", "rest_points", thing.rest_points, units)
+            author_attribute(prim, type(thing).__name__, "rest_points", thing.rest_points, units)
         elif name == "lengths":
             author_attribute(prim, "Springs", "lengths", thing.lengths, units)
         elif name == "actuation":

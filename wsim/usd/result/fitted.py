@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd
 
-from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.fabric import Fabric
 from wsim.scene.methods import each_method_object
 from wsim.scene.solid import Bulk
@@ -106,12 +106,12 @@ def _author_fitted_bodies(stage: Usd.Stage, before: Scene, after: Scene, units: 
     users: dict[str, list] = {}                                  # bodies of each material
     for old, new in zip(before.bodies(), after.bodies(), strict=True):
         prim = stage.GetPrimAtPath(old.path)
-        if isinstance(new, (Cloth, Soft)):
+        if new.materials:
             material = bound_physics_material(reading, prim)
-            users.setdefault(str(material.GetPath()) if material else "", []).append(new.material)
-        _author_changed_fields(prim, old, new, ["masses"] * isinstance(new, Springs), units)
-        if isinstance(old, (Cloth, Soft)) and isinstance(new, (Cloth, Soft)) and old.material != new.material:
-            changed.append((prim, old.material, new.material))
+            users.setdefault(str(material.GetPath()) if material else "", []).append(new.materials[0])
+        _author_changed_fields(prim, old, new, ["masses"] * (not new.materials), units)
+        if new.materials and old.materials[0] != new.materials[0]:
+            changed.append((prim, old.materials[0], new.materials[0]))
     for own, given in zip(before.colliders, after.colliders, strict=True):
         prim = stage.GetPrimAtPath(own.path)
         material = bound_physics_material(reading, prim)

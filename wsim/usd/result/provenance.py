@@ -20,15 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.methods import each_method_object
 
 KEY, SHOWN = "wsim:run", "wsim"                                   # for a run that goes on, for people
 START = {"velocities", "start", "frames"}                         # where a run begins and ends
 SEEN = {"path", "skins", "target", "up", "error", "source", "notes", "variants"}                          # no motion follows
 SETTINGS = {"solver", "integrator", "substeps", "iterations"}     # as a scene names them; what ran is told by `settings`
-LISTS = ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")
-MESH = {Cloth: ("counts", "indices", "weld"), Springs: ("edges",), Soft: ("tets", "quadratic")}    # other points stand there
+LISTS = ("colliders", "pins", "ties", "loads")
 
 
 def content_digest(value) -> str:
@@ -62,11 +61,16 @@ def _dataclass_default(f: Field) -> Any:
     return f.default if f.default_factory is MISSING else f.default_factory()
 
 
+def _things_with_digests(scene: Scene) -> list:
+    attached = [thing for name in LISTS for thing in getattr(scene, name)]
+    return [*scene.bodies(), *attached, *(thing for _, thing in each_method_object(scene))]
+
+
 def scene_digests(scene: Scene) -> dict[str, dict[str, str]]:
     """Digests of the fields that decide the motion, by path; the scene's own at "/"."""
-    left = SEEN | START | SETTINGS | {*LISTS, "others"}
+    left = SEEN | START | SETTINGS | {*LISTS, "objects"}
     found = {"/": {f.name: content_digest(getattr(scene, f.name)) for f in fields(scene) if f.name not in left}}
-    for thing in (*(t for name in LISTS for t in getattr(scene, name)), *(t for _, t in each_method_object(scene))):
+    for thing in _things_with_digests(scene):
         skipped = SEEN | START | ({"points"} if getattr(thing, "rest_points", None) is not None else set())
         found[thing.path] = {f.name: content_digest(getattr(thing, f.name)) for f in fields(thing) if f.name not in skipped}
     return found
@@ -109,9 +113,8 @@ def warn_of_scene_changes(path: str, made: Mapping, scene: Scene) -> list[Proble
         return [Problem(path, "does not say of which scene and with which settings it was made (by an earlier version, or by "
                         "another program); whether they are those of this run can't be known", fatal=False)]
     then, now = made["scene"], scene_digests(scene)
-    bodies = {b.path: MESH[type(b)] for b in scene.bodies()}
-    things = {"/": scene} | {t.path: t for name in LISTS
-                             for t in getattr(scene, name)} | {t.path: t for _, t in each_method_object(scene)}
+    bodies = {b.path: b.mesh_fields for b in scene.bodies()}
+    things = {"/": scene} | {t.path: t for t in _things_with_digests(scene)}
     # of new fields
     before = {at: {f.name: content_digest(_dataclass_default(f)) for f in fields(things[at])} | then.get(at, {}) for at in now}
     changed = {at: [name for name in now[at] if before[at][name] != now[at][name]] for at in now}

@@ -24,8 +24,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
-from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.methods import each_method_object
+from wsim.scene import Deformable, Problem, Scene, SceneError
+from wsim.scene.methods import each_method_object, scene_skins
 from wsim.scene.samples import BESIDE
 from wsim.usd.clips import join_clips
 from wsim.usd.prims.reactions import REACTION
@@ -248,7 +248,7 @@ def _whole_frames(result: ResultReader, scene: Scene, paths: list[str]) -> set[f
     return frames
 
 
-def _read_body(result: ResultReader, body: Cloth | Springs | Soft, restart: RestartState) -> None:
+def _read_body(result: ResultReader, body: Deformable, restart: RestartState) -> None:
     """Positions and velocities of a body into `restart`."""
     path, code = body.path, restart.frame_time_code
     points, rates = result.positions(path, code), result.velocities(path, code)
@@ -278,7 +278,7 @@ def copy_samples(restart: RestartState, stage: Usd.Stage, scene: Scene, beside: 
     except (Tf.ErrorException, OSError) as error:
         raise SceneError(Problem(restart.path, f"cannot be read any more: {usd_error_text(error)}")) from None
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
-    wanted += [(skin.path, SAMPLED) for soft in scene.softs for skin in soft.skins]
+    wanted += [(skin.path, SAMPLED) for skin in scene_skins(scene)]
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]

@@ -131,7 +131,7 @@ def test_bodies_and_liquids_meet_a_shape_of_one_row():
     sim = Simulation(scene, device="cpu")
     sim.run(12)
     assert sim.poses("/ball")["/ball"][2, 3] == pytest.approx(0.5, abs=2e-3)
-    scene.others.clear()
+    scene.objects.pop("Body")
     scene.add(Liquid("/tank", (0, 0, 0), (1, 1, 1), 0.1))
     scene.add(LiquidSource("/water", Box((0.5, 0.5, 0.2)), Motion.at_place((0.5, 0.5, 0.6))))
     sim = Simulation(scene, device="cpu")

@@ -15,7 +15,7 @@ MIDDLE = np.array([0.5, 0.5])
 def blob(transfer: str, precision: str = "float32", turning: bool = True, **more):
     """A disk of liquid of 6 cells about the middle of a box, that turns by 1 rad/s."""
     scene = tank((32, 32), [(0, 0), (0.01, 0.01)], transfer=transfer, **more)
-    scene.others["LiquidSource"] = [LiquidSource("/blob", Sphere(6 * CELL), Motion.at_place((0.5, 0.5, 0.5 * CELL)))]
+    scene.objects["LiquidSource"] = [LiquidSource("/blob", Sphere(6 * CELL), Motion.at_place((0.5, 0.5, 0.5 * CELL)))]
     sim = ready(scene, precision=precision)
     x = particles(sim)["x"][:, :2] - MIDDLE
     put(sim, np.stack([-x[:, 1], x[:, 0]], 1) if turning else np.random.default_rng(1).standard_normal(x.shape))

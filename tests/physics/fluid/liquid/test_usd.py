@@ -100,7 +100,7 @@ def wrong(scene: Scene) -> str:
 
 
 @pytest.mark.parametrize("change, words", [
-    (lambda s: s.others["LiquidSource"].clear(), "/tank: nothing fills it"),
+    (lambda s: s.objects["LiquidSource"].clear(), "/tank: nothing fills it"),
     (lambda s: setattr(s.things("LiquidSource")[0], "motion", Motion.at_place((9.0, 0.0, 0.0))), "what fills it is outside"),
     (lambda s: s.add(water((5, 5, 5), (6, 6, 6), path="/far")), "/far: it is outside of its liquids"),
     (lambda s: setattr(s.things("Liquid")[0], "sides", ("wind",) * 6), "/tank: sides are"),
@@ -111,7 +111,7 @@ def wrong(scene: Scene) -> str:
     (lambda s: setattr(s.things("Liquid")[0], "high", np.array([0.5, 0.0, 0.5])), "its box is empty"),
     (lambda s: setattr(s.things("LiquidSource")[0], "role", "tap"), "role is 'tap'"),
     (lambda s: setattr(s.things("LiquidSource")[0], "liquid", "/pool"), "which is no liquid here"),
-    (lambda s: s.others["Liquid"].clear(), "there is no liquid")])
+    (lambda s: s.objects["Liquid"].clear(), "there is no liquid")])
 def test_what_is_wrong_is_said_by_path(change, words):
     scene = tank((16, 16, 16), [(0, 0, 0), (0.25, 0.25, 0.5)])
     assert not wrong(scene)

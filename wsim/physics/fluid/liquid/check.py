@@ -8,7 +8,7 @@ from wsim.physics.fluid import start
 from wsim.physics.fluid.check import LEAST, LONG
 from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
 from wsim.physics.fluid.objects import SIDES
-from wsim.scene import Problem, Scene, Springs
+from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import check_rigid_motion, check_step_count, object_warning, thing_error
 
 
@@ -37,8 +37,8 @@ def _check_liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
         yield object_warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                              "give a larger one, or float64")
     for cloth in scene.bodies():
-        does = "passes through it" if isinstance(cloth, Springs) else "moves it, and does not feel it"
-        if scene.things("Body") and not isinstance(cloth, Springs):
+        does = "moves it, and does not feel it" if cloth.has_surface else "passes through it"
+        if scene.things("Body") and cloth.has_surface:
             does += " (where it moves fast some liquid passes it, since there are rigid bodies too)"
         yield object_warning(path,
                              f"{cloth.path} {does}: surfaces of cloth and soft bodies are walls that move, and liquids do not "

@@ -27,7 +27,7 @@ from wsim.physics.cloth.elements import CornerElements
 from wsim.physics.motion.fast_paths.cluster import LARGE, MANY
 from wsim.physics.motion.fused.plan import FOUR, BlockPlan
 from wsim.physics.soft.fem import Tetrahedra
-from wsim.scene import Cloth, Surface
+from wsim.scene import Surface
 from wsim.scene.check import sharp
 from wsim.scene.methods import method_colliders
 
@@ -200,7 +200,7 @@ def cluster_cannot_take(pull) -> bool:
 
 def air_on_membranes_only(pull) -> bool:
     """True if all triangles that air acts on are membranes."""
-    triangles = [b.triangles for b in pull.model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]
+    triangles = [b.triangles for b in pull.model.bodies if b.source.feels_air]
     have = [e.ids for e in pull.elements if isinstance(e, CornerElements) and e.kind == "membrane"]
     return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
         *map(tuple, np.sort(have[0], axis=1).tolist())}

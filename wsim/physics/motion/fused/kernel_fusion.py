@@ -27,6 +27,7 @@ from wsim.physics.motion.fused.persistent_kernel import Program, array_identity,
 from wsim.physics.motion.fused.recorder import LaunchRecorder, Op, recorded_launches
 from wsim.physics.motion.fused.source import GRID, TEAM, LaunchShape, make_fused_kernel
 from wsim.scene import Surface
+from wsim.scene.methods import has_tets, solid_materials
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -176,7 +177,7 @@ class Fuser:
 def fusing_pays(model: Model) -> bool:
     """True where the fused form is the default: see MOST."""
     scene = model.scene
-    elements = bool(scene.softs) or any(r.row.gather != SPRINGS for r in model.constraints if not r.hard)
+    elements = has_tets(scene) or any(r.row.gather != SPRINGS for r in model.constraints if not r.hard)
     meshes = any(isinstance(c.shape, Surface) for c in scene.colliders)
     return elements and not model.gradients and (not model.device.is_cuda or model.points <= MOST and not meshes)
 
@@ -208,7 +209,7 @@ def why_not_fused(model: Model, reasons: dict[str, str]) -> str:
     """
     if model.gradients:
         return "gradients are recorded launch by launch"
-    if any(m.yield_strain < inf for soft in model.scene.softs for m in soft.materials):
+    if any(m.yield_strain < inf for m in solid_materials(model.scene)):
         return "tets flow"
     if model.device.is_cuda and any(isinstance(c.shape, Surface) and c.shape.poses is not None for c in model.scene.colliders):
         return "a mesh deforms, whose tree is fitted launch by launch"

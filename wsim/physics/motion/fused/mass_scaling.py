@@ -14,7 +14,6 @@ import numpy as np
 
 from wsim.model.model import Model, PointBody
 from wsim.physics.motion.frequency import RowSums, _inverse_masses, frequency_bound
-from wsim.scene import Cloth
 
 # of the mass of a cloth. The shirt, hung, 2983 substeps made 1492 and 995 by 0.016 and 0.3 %: RMS errors of 2.1 and 2.3 mm
 # after three frames, 9.4 and 9.9 mm after six, where float32 alone errs by 1.7 and 9.0 (it folds); 7 %: 3.2 and 11.9 mm
@@ -45,7 +44,7 @@ def add_sliver_mass(model: Model, rows: RowSums | None = None) -> list[Slowed]:
     if model.gradients or model.alias is not None:
         return []
     found, rows = [], rows or RowSums(model)
-    for body in (b for b in model.bodies if isinstance(b.source, Cloth)):
+    for body in (b for b in model.bodies if b.source.is_sheet):
         masses, said = scaled_masses(body, rows.of(body)[0], _inverse_masses(model, body, rows.pinned) > 0.0)
         if said:
             body.masses = masses

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from wsim.scene.curve import Motion
+from wsim.scene.methods import feels_air
 
 UNKNOWN = ("torque", "wind", "actuation", "pressure")          # live values whose work is not known
 STILL = 1e-9           # [m] or of a rotation: a motion that changes by less stands still
@@ -27,13 +28,13 @@ class OpenFrameReasons:
     def __init__(self, b, works):
         """works: `wsim.simulation.measure.checks.works.WorkOfSubsteps`, what it knows."""
         scene, points = b.scene, bool(b.model.bodies)
-        found = [f"muscles of {s.path}" for s in scene.springs if s.actuation]
-        found += [f"pressure in {s.path}" for s in scene.softs if s.pressure]
+        found = [f"muscles of {s.path}" for s in scene.bodies() if s.actuation]
+        found += [f"pressure in {s.path}" for s in scene.bodies() if s.pressure]
         found += [f"soft pin {p.path}" for p in scene.pins if np.isfinite(p.stiffness)]
         found += ["smoothed contacts (wsim:contactWidth)"] * bool(scene.contact_width and scene.colliders and points)
         found += [f"load {load.path}, which varies" for load in scene.loads if np.ptp(load.curve.values, axis=0).any()]
         self.works, blown = works, np.any(scene.wind) or any(v.name == "wind" for v in scene.varying)
-        found += ["wind"] * bool(blown and any(c.feels_air for c in scene.cloths) and not works.wind)
+        found += ["wind"] * bool(blown and feels_air(scene) and not works.wind)
         found += [f"{v.name} of {v.path}, which varies" for v in scene.varying if v.name not in ("gravity", "wind")]
         found += [f"drive of {j.path}, per mass" for j in scene.things("Joint") if j.enabled
                   for d in j.drives.values() if d.acceleration and (d.stiffness or d.speed)][:1]

@@ -11,5 +11,5 @@ def tap(frames: int = 24, **more) -> Scene:
     sides = ("closed", "open", *["closed"] * 4)
     scene = tank((16, 8), [(0, 0), (1, 1)], cell=CELL, gravity=(0, 0, 0), sides=sides, frames=frames)
     slab = water((2 * CELL, 0, 0), (4 * CELL, 4 * CELL, CELL), path="/tap", role="source", velocity=(1.0, 0.0, 0.0), **more)
-    scene.others["LiquidSource"] = [slab]
+    scene.objects["LiquidSource"] = [slab]
     return scene

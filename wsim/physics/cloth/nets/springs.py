@@ -1,4 +1,4 @@
-"""Springs as a solver has them on the device, for whoever changes their rest lengths (`wsim.physics.cloth.muscles`)."""
+"""Springs as a solver has them on the device, for whoever changes their rest lengths (`wsim.physics.cloth.nets.muscles`)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -7,7 +7,7 @@ beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
@@ -18,8 +18,8 @@ from wsim.model.stage import Clock, Method, Methods, Ports, Stage
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SPRINGS
+from wsim.physics.cloth.nets.objects import Springs
 from wsim.scene import Problem, SceneError
-from wsim.scene.bodies import Springs
 from wsim.scene.curve import Curve
 
 if TYPE_CHECKING:
@@ -31,8 +31,7 @@ class _Muscle:
     """The muscles of one net of one world: their curve, and columns of the table."""
 
     def __init__(self, body: PointBody, first: int):
-        assert isinstance(body.source, Springs) and body.source.actuation is not None
-        self.body, self.source, self.curve = body, body.source, body.source.actuation
+        self.body, self.source, self.curve = body, cast(Springs, body.source), cast(Curve, body.source.actuation)
         self.columns = slice(first, first + self.curve.values.shape[1])
 
     def edges(self, last: int) -> np.ndarray:
@@ -82,7 +81,7 @@ class Muscles(Method):
         super().__init__("muscles")
         self.model, self.clock, self.muscles, last = model, clock, [], 0
         for b in model.bodies:
-            if isinstance(b.source, Springs) and b.source.actuation is not None:
+            if b.source.actuation is not None:
                 self.muscles.append(_Muscle(b, last))
                 last = self.muscles[-1].columns.stop
         self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt

@@ -8,7 +8,8 @@ import numpy as np
 
 from wsim.geometry.tetra import tets
 from wsim.geometry.tetra.repair import repair_tets
-from wsim.scene import Problem, Skin, Soft
+from wsim.physics.soft.objects import Skin, Soft
+from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import (
     check_float32_rounding,
     check_object_size,
@@ -25,7 +26,7 @@ SOFTEST, STIFFEST = 10.0, 1e12      # [Pa] E of a jelly that cannot stand, ten t
 LIGHTEST, HEAVIEST = 1.0, 3e4       # [kg/m^3] air; osmium has 2.3e4
 
 
-def check_soft_body(thing: Soft) -> list[Problem]:
+def check(thing: Soft, scene: Scene) -> list[Problem]:
     """Problems of a soft body. Rest shape and winding are judged in the world, where volumes must be positive."""
     path, n, t = thing.path, (len(thing.points),), (len(thing.tets),)
     if not n[0]:

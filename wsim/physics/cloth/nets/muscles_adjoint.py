@@ -1,4 +1,4 @@
-"""Adjoint of the rest lengths that muscles put (`wsim.physics.cloth.muscles`): kernels/cloth/muscle.py."""
+"""Adjoint of the rest lengths that muscles put (`wsim.physics.cloth.nets.muscles`): kernels/cloth/muscle.py."""
 
 from collections.abc import Callable
 
