@@ -13,8 +13,8 @@ from wsim.show.visible import read_visible_stage
 from wsim.sweep.pictures import describe_run
 
 
-def test_a_still_frames_all_of_the_way_of_what_moves(tmp_path):
-    """A ball of 0.1 m from x = 0 to 2 m in 24 frames, drawn at its end."""
+def test_frames_show_all_of_the_way_of_what_moves_and_a_still_where_it_is(tmp_path):
+    """A ball of 0.1 m from x = 0 to 2 m in 24 frames."""
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, "Y")
@@ -26,8 +26,10 @@ def test_a_still_frames_all_of_the_way_of_what_moves(tmp_path):
     move.Set((0, 0, 0), 0)
     move.Set((2, 0, 0), 24)
     stage.Save()
-    (points,) = framed_points(read_visible_stage(tmp_path / "a.usda"), [24.0])
-    assert np.allclose([points[:, 0].min(), points[:, 0].max()], [-0.1, 2.1], atol=1e-3)
+    seen = read_visible_stage(tmp_path / "a.usda")
+    for whole, ends in ((True, (-0.1, 2.1)), (False, (1.9, 2.1))):
+        (points,) = framed_points(seen, [24.0], whole)
+        assert np.allclose([points[:, 0].min(), points[:, 0].max()], ends, atol=1e-3)
 
 
 def test_smoke_is_framed_where_it_is():

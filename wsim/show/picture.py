@@ -120,10 +120,11 @@ def _time_codes_to_draw(seen: VisibleStage, frames, moving: bool, sheet: int | N
 def _cameras_and_ground(seen: VisibleStage, times: list[float], camera, aspect: float) -> tuple[list[Camera],
                                                                                                 list[float | None]]:
     """The camera and the height of the ground at each time."""
-    groups = framed_points(seen, times)
+    groups = framed_points(seen, times, whole=len(times) > 1)
     chosen = np.concatenate([groups[k] for k in subjects_in_view(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
     axis = "XYZ".index(seen.up)
-    base = min((float(g[:, axis].min()) for g in groups if len(g)), default=0.0)
+    below = groups if len(times) > 1 or seen.floor else framed_points(seen, times)        # no floor that rises with the cloth
+    base = min((float(g[:, axis].min()) for g in below if len(g)), default=0.0)
     floors: list[float | None] = [base if seen.floor is None else seen.floor(t) for t in times]
     if isinstance(camera, Camera):
         return [camera] * len(times), floors
@@ -136,10 +137,11 @@ def _cameras_and_ground(seen: VisibleStage, times: list[float], camera, aspect: 
     return [_camera_of_stage(seen, camera, t) for t in times], floors
 
 
-def framed_points(seen: VisibleStage, times: list[float]) -> list[np.ndarray]:
-    """Points that a camera frames, of each thing that is drawn and each volume (n, 3) [m]: over the whole run, at the times
-    that are drawn and at LOOKS between; of volumes where there is smoke."""
-    looks = sorted({*times, *(seen.times[int(k)] for k in np.linspace(0, len(seen.times) - 1, min(LOOKS, len(seen.times))))})
+def framed_points(seen: VisibleStage, times: list[float], whole: bool = True) -> list[np.ndarray]:
+    """Points that a camera frames, of each thing that is drawn and each volume (n, 3) [m], at the times that are drawn; of
+    volumes where there is smoke. whole: over the whole run, at LOOKS between: the camera of several frames stands still."""
+    others = np.linspace(0, len(seen.times) - 1, min(LOOKS, len(seen.times))) if whole else ()
+    looks = sorted({*times, *(seen.times[int(k)] for k in others)})
     groups = []
     for d in seen.drawn:
         sets = [points for t in (looks if d.moves else times[:1]) if (points := finite_points(d, t, t in times)) is not None]
