@@ -1,5 +1,6 @@
 """Each mistake that a scene can hold is found by its prim path, and a sound scene holds none."""
 
+import re
 from dataclasses import replace
 from math import inf, nan
 
@@ -11,6 +12,7 @@ from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.check import objects
 from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.fabric import Fabric
 
 
 def scaled(x: float, y: float = 1.0, z: float = 1.0) -> Motion:
@@ -164,3 +166,16 @@ def test_damping_far_longer_than_a_substep_is_warned_of(scene):
     scene.cloths[0].material = replace(scene.cloths[0].material, damping=1.0)
     (found,) = [p for p in check_scene(scene) if "damping is 1 s" in p.text]
     assert not found.fatal and "less damping" in found.text
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda scene: setattr(scene, "gravity", -9.81), r"/: gravity is -9.81; allowed: three numbers .*; fix: give gravity="),
+    (lambda scene: setattr(scene, "wind", (1.0, 2.0)), r"/: wind is \(1.0, 2.0\); allowed: three numbers .*; fix: give"),
+    (lambda scene: setattr(scene.cloths[0], "path", "/a b"), "/a b: this is no prim path; allowed: an absolute path"),
+    (lambda scene: setattr(scene.cloths[0], "path", "/1st"), "/1st: this is no prim path"),
+    (lambda scene: setattr(scene.cloths[0], "material", Fabric(stretch=1e30)),
+     r"/cloth: its stretch is 1e\+30 N/m; expected: 0.001 to 1e\+09 N/m; fix: author it in stage units")])
+def test_numbers_and_names_that_cannot_be_meant(scene, change, words):
+    change(scene)
+    scene.pins.clear()
+    assert re.match(words, str(check_scene(scene)[0]).removeprefix("error: ").removeprefix("warning: "))

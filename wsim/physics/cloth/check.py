@@ -22,6 +22,8 @@ from wsim.scene.check.objects import (
 )
 from wsim.scene.nodal.masses import cloth_masses
 
+SLACK, RIGID = 1e-3, 1e9                # [N/m] thin gel; five times a plate of steel of 1 mm
+
 
 def check(thing: Cloth, scene: Scene) -> list[Problem]:
     """Problems of a cloth."""
@@ -43,7 +45,7 @@ def check(thing: Cloth, scene: Scene) -> list[Problem]:
         found.append(thing_error(path, f"weft is {thing.material.weft:g} and the model is 'springs', which has one stretch",
                                   "0 there", "take the model 'membrane'"))
     if not any(p.fatal for p in found):
-        found += _check_rest_areas(thing)
+        found += [*_check_rest_areas(thing), *_check_fabric_units(thing)]
     return found
 
 
@@ -78,3 +80,10 @@ def _check_rest_areas(thing: Cloth) -> Iterator[Problem]:
     if len(flat):
         yield object_warning(thing.path, f"{len(flat)} faces have no area at rest, first face {flat[0]}: they resist nothing",
                              "faces with an area", "move their rest points apart, or remove them")
+
+
+def _check_fabric_units(cloth: Cloth) -> Iterator[Problem]:
+    """A stretch that is possible, and yet in the wrong unit more often than not."""
+    if not SLACK <= (stretch := cloth.material.stretch) <= RIGID:
+        yield object_warning(cloth.path, f"its stretch is {stretch:g} N/m", f"{SLACK:g} to {RIGID:g} N/m",
+                             "author it in stage units (metersPerUnit, kilogramsPerUnit), or set those to what was meant")

@@ -6,9 +6,11 @@ An error cannot be simulated; a warning can, but is seldom meant. Here: settings
 together; `wsim.scene.check.objects`, and the `check` of each method, have what can be wrong with one object by itself.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from wsim.scene.check.objects import (
     object_warning,
     thing_error,
 )
+from wsim.scene.curve import Curve
 from wsim.scene.integrator import SOLVERS, TABLE
 from wsim.scene.methods import (
     each_body_of_points,
@@ -37,6 +40,7 @@ from wsim.scene.methods import (
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
+PRIM_PATH = re.compile(r"(/(?!\d)\w+)+")
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
@@ -77,6 +81,11 @@ def check_scene(scene: Scene) -> list[Problem]:
 
 
 def _check_scene_settings(scene: Scene) -> Iterator[Problem]:
+    for name, unit in (("gravity", "m/s^2"), ("wind", "m/s")):
+        value: Any = getattr(scene, name)
+        if np.shape(value) != (3,) and not isinstance(value, Curve):
+            yield thing_error("/", f"{name} is {value}", f"three numbers [{unit}]", f"give {name}=(x, y, z)")
+            return
     yield from check_number("/", "fps", scene.fps, 0.0, True, "author timeCodesPerSecond, 24 say")
     yield from check_number("/", "start", scene.start, -inf, mend="author startTimeCode")
     yield from check_number("/", "frames", scene.frames, 0, mend="give --frames, or author endTimeCode after startTimeCode")
@@ -171,8 +180,9 @@ def _check_prim_paths(scene: Scene) -> Iterator[Problem]:
     for path, n in Counter(thing.path for thing in named if not getattr(thing, "shares_path", False)).items():
         if n > 1:
             yield thing_error(path, f"{n} objects have this path", "one", "give each its own")
-        if not path.startswith("/") or path == "/":
-            yield thing_error(path, "this is no prim path", "an absolute path such as /World/cloth", "begin it with /")
+        if not PRIM_PATH.fullmatch(path):
+            yield thing_error(path, "this is no prim path", "an absolute path such as /World/cloth",
+                              "begin it with /, and name it by letters, digits and _")
 
 
 def _check_pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
