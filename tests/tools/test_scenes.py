@@ -45,11 +45,12 @@ CURVES = {"camera_path": 1, "easing_chart": 9}                         # cloths
 FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
          "cavity": ((64, 64, 1), 1), "waved_flag": ((26, 24, 32), 1)}                                   # cells, sources
 LIQUID = {"dam_break": ((30, 18, 9), 7776), "floating_boxes": ((30, 18, 10), 8640)}       # cells, particles
+GRAINS = {"snowball": 2156, "jelly_cubes": 4896, "hourglass": 4216}                       # particles
 SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3, 642)}     # points, pinned, joints, skinned
 RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96)}            # strands, points of each
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
-every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *CURVES, *SKELETONS, *RODS])
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS])
 
 
 def area(cloth) -> float:
@@ -78,7 +79,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    known = {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *CURVES, *SKELETONS, *RODS}
+    known = {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS}
     assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == known
 
 

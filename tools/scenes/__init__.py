@@ -13,6 +13,7 @@ from tools.scenes.animation import ANIMATION_SCENES
 from tools.scenes.bodies import BODY_SCENES
 from tools.scenes.cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes.fluid import FLUID_SCENES
+from tools.scenes.grains import GRAIN_SCENES
 from tools.scenes.rigid import RIGID_SCENES
 from tools.scenes.rods import ROD_SCENES
 from tools.scenes.skeleton import SKELETON_SCENES
@@ -138,5 +139,5 @@ def shirt() -> str:
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES, **ROD_SCENES,
-          **TOUCHING_SCENES, **WORN_SCENES}
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **GRAIN_SCENES, **ANIMATION_SCENES,
+          **SKELETON_SCENES, **ROD_SCENES, **TOUCHING_SCENES, **WORN_SCENES}
