@@ -189,6 +189,17 @@ def grown():
     return recorded(scene, 1).backward(fluids={1: {"/air": {"velocity": np.ones((8, 8, 1, 3))}}})
 
 
+def poured(other=None, **more) -> Scene:
+    """A little sand above a floor, and another collider."""
+    scene = Scene(frames=1)
+    scene.collider("/floor", Plane(), motion=flat())
+    if other:
+        scene.collider("/ball", other)
+    x = 0.025 * np.stack(np.meshgrid(*[[0, 1]] * 3), -1).reshape(-1, 3) + [0.0, 0.1, 0.0]
+    scene.mpm("/heap", points=x, volumes=0.025**3, cell=0.05, material="sand", **more)
+    return scene
+
+
 def moving():
     motion = Motion(np.arange(2) / 60.0, np.stack([np.eye(4), np.eye(4) + np.eye(4, k=3) * 0.01]))
     scene = net(integrator="leapfrog", pins=[Pin("/pin", "/chain", np.array([0]), motion=motion)])
@@ -235,6 +246,11 @@ CASES = {
     "ends": ("/floor", lambda: Simulation(landing(), device="cpu", gradients=True)),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs_by_name(recorded(net()), ["/chain:actuation"])),
+    "law": ("/heap", lambda: inputs_by_name(recorded(poured()), ["/heap:hardening"])),
+    "mixed": ("/heap", lambda: inputs_by_name(recorded(poured(further=("jelly",), which=np.arange(8) % 2)), ["/heap:young"])),
+    "grown": ("/heap", lambda: recorded(poured(integrator="implicit"))),
+    "curved": ("/ball", lambda: recorded(poured(Sphere(0.1)))),
+    "poured": ("/floor", lambda: recorded(poured()).backward(positions={1: {"/heap": np.ones((8, 3))}}).friction("/floor")),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),

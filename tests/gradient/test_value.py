@@ -74,7 +74,7 @@ def rows() -> list:
              ("rigid", "Body", "velocity"), ("rigid", "Body", "inertia"), ("rigid", "Joint", "damping")}
     found = []
     for column, owner, name in [(column, *pair) for row in COVERED if row.kind == BY for pair in row.names()
-                                for column in row.tests]:
+                                for column in row.tests if column != "mpm"]:           # of tests of its own
         plain = column in ("explicit", "xpbd") and name not in {*KINDS, "weights", "rest_shape"}
         marks = () if plain or (column, owner, name) in cheap else pytest.mark.slow
         found.append(pytest.param(column, owner, name, id=f"{column}-{owner}.{name}", marks=marks))

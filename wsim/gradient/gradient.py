@@ -54,6 +54,7 @@ class Gradient(ElementGradient):
             self.grads[key] = self.grads[key] + by
         self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
         self.bodies: Any = seeds.bodies.gradient(states, self.grads) if seeds.bodies else None
+        self.grains: Any = seeds.grains.gradient(states) if seeds.grains else None
         self.fluids: Any = seeds.fluids.gradient(states, seeds.recording.start) if seeds.fluids else None
 
     @cached_property
@@ -73,6 +74,8 @@ class Gradient(ElementGradient):
             return self.bodies.value(path, name, world)
         if row.gradient == "surface" and not self.fluids:
             raise gradient_refusal("surface", path)
+        if row.gradient == "grains":
+            return self.grains.value(path, name, world)
         if row.gradient in ("fluid", "surface"):
             return self.fluids.value(path, name, world)
         if row.gradient == "material":
@@ -87,10 +90,14 @@ class Gradient(ElementGradient):
 
     def positions(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Gradient with respect to the positions at the start [1/m], (n, 3)."""
+        if grains := self.recording.grain_path(path):
+            return self.grains.value(grains, "positions", world)
         return self.by_point(self.plan.state.x, path, world)
 
     def velocities(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Gradient with respect to the velocities at the start [s/m], (n, 3)."""
+        if grains := self.recording.grain_path(path):
+            return self.grains.value(grains, "velocities", world)
         return self.by_point(self.plan.state.v, path, world)
 
     def by_point(self, array: wp.array, path: str | None, world: int) -> np.ndarray:
@@ -125,7 +132,7 @@ class Gradient(ElementGradient):
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
-        more = sum((each.gravity(world) for each in (self.bodies, self.fluids) if each), np.zeros(3))
+        more = sum((each.gravity(world) for each in (self.bodies, self.fluids, self.grains) if each), np.zeros(3))
         if not self.model.bodies:
             return more
         found, loads = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0), self.loads
@@ -172,6 +179,8 @@ class Gradient(ElementGradient):
         return self.touched(path).motion(path, world)
 
     def touched(self, path: str | None) -> ContactGradient:
+        if self.grains and path and path in [c.path for c in self.model.scene.colliders]:
+            raise gradient_refusal("poured", path, name="friction, thickness, restitution and motion")
         if self.contacts is None:
             raise gradient_refusal("touched", path or "/")
         return self.contacts

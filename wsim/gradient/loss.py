@@ -16,6 +16,9 @@ class LossCotangents:
     def __init__(self, recording, positions: dict | None, velocities: dict | None, reactions: dict | None,
                  poses: dict | None = None, twists: dict | None = None, fluids: dict | None = None):
         self.recording, state = recording, recording.state
+        positions, grain_positions = split_by_owner(recording, positions, "positions")
+        velocities, grain_velocities = split_by_owner(recording, velocities, "velocities")
+        self.grains = recording.grains.losses(grain_positions, grain_velocities) if recording.grains else None
         given = (("x", dense_cotangents(recording, positions, "positions")),
                  ("v", dense_cotangents(recording, velocities, "velocities")))
         self.arrays = [(getattr(state, name), each) for name, each in given if recording.moved]
@@ -33,7 +36,8 @@ class LossCotangents:
             self.pulls.back(frame)
         for base, values in [*((base, given[frame]) for base, given in self.arrays if frame in given),
                              *(self.bodies.at(frame) if self.bodies else ()),
-                             *(self.fluids.at(frame) if self.fluids else ())]:
+                             *(self.fluids.at(frame) if self.fluids else ()),
+                             *(self.grains.at(frame) if self.grains else ())]:
             root = next((r for r in self.recording.roots if r.base.ptr == base.ptr), None)
             assert root is not None                      # to give clears what is given
             add_and_clear_gradient(wp.clone(values) if isinstance(values, wp.array) else
@@ -47,6 +51,25 @@ class LossCotangents:
     def end(self) -> PinnedPointGradients | None:
         """Cotangents of reaction forces that are known after the last frame; None: no reactions."""
         return self.pulls.end() if self.pulls else None
+
+
+def split_by_owner(recording, given: dict | None, what: str) -> tuple[dict, dict]:
+    """Derivatives by frame: of points of the solver, as they are, and of material points, by (path, world)."""
+    points: dict[int, Any] = {}
+    grains: dict[int, dict] = {}
+    for frame, values in (given or {}).items():
+        if not recording.grains or isinstance(values, wp.array):
+            points[frame] = values
+            continue
+        if not 0 <= frame <= recording.frames:
+            raise SceneError(Problem(what, f"found frame {frame}; allowed are 0 to {recording.frames}"))
+        for key, each in (values if isinstance(values, dict) else {None: values}).items():
+            path, world = key if isinstance(key, tuple) else (key, 0)
+            if own := recording.grain_path(path):
+                grains.setdefault(frame, {})[own, world] = each
+            else:
+                points.setdefault(frame, {})[key] = each
+    return points, grains
 
 
 def dense_cotangents(recording, given: dict | None, what: str) -> dict[int, Any]:

@@ -64,7 +64,7 @@ class Recording(RecordedFrames):
         self.roots: list[RecordedArray] = []
         self.slots, self.parameters = ArraySlots(sim.device, sim.model.real), GradientTables(self.plan)
         self.moved, self.bodies = self.state.parts.get("points"), self.plan.ports.recorded_bodies
-        self.fluids = self.plan.ports.recorded_fluids
+        self.fluids, self.grains = self.plan.ports.recorded_fluids, self.plan.ports.recorded_points
         self.every = self.moved.every if self.moved else wp.zeros(0, dtype=sim.model.real, device=sim.device)
         self.initial = wp.clone(self.every)
         self.marks = [(array, wp.clone(array)) for array, _ in (self.moved.saved.values() if self.moved else ())]

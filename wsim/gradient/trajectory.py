@@ -28,6 +28,7 @@ class RecordedFrames(ABC):
     moved: StatePart | None                       # the points
     bodies: Any                                   # `wsim.physics.rigid.recorded.bodies.RecordedBodies`, or None
     fluids: Any                                   # `wsim.physics.fluid.recorded.RecordedFluids`, or None
+    grains: Any                                   # `wsim.physics.mpm.adjoint.recorded.RecordedMaterialPoints`, or None
     ran = False
 
     @abstractmethod
@@ -38,7 +39,7 @@ class RecordedFrames(ABC):
         shape, dtype = (self.frames + 1, self.sim.model.points), types(self.sim.model.real).vec3
         self.states, self.rests, self.speeds = (wp.zeros(shape, dtype=dtype, device=self.sim.device) for _ in range(3))
         self.shapes: list[wp.array] = []
-        for each in (self.bodies, self.fluids):
+        for each in (self.bodies, self.fluids, self.grains):
             if each:
                 each.allot(self.frames)
 
@@ -46,7 +47,7 @@ class RecordedFrames(ABC):
         s = self.state
         for kept, array in ((self.states, s.x), (self.rests, s.e), (self.speeds, s.v)) if self.moved else ():
             wp.copy(kept[frame], array)
-        for each in (self.bodies, self.fluids):
+        for each in (self.bodies, self.fluids, self.grains):
             if each:
                 each.keep(frame)
         for kept, (array, _) in zip(self.shapes, self.flowed, strict=False):
@@ -55,13 +56,26 @@ class RecordedFrames(ABC):
     def positions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
         """World positions [m] of a body's points after so many frames (0: at the start), float64 (n, 3), author's order: those
         of `Simulation.positions`."""
+        if grains := self.grain_path(path):
+            self.reach(frame)
+            return self.grains.positions(frame, grains, world)
         body = self.sim.model.body(path, world)
         x = self.state_of(self.states, frame) + self.state_of(self.rests, frame)
         return x[body.index] + body.origin
 
     def velocities(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
         """Velocities [m/s], as `positions`."""
+        if grains := self.grain_path(path):
+            self.reach(frame)
+            return self.grains.velocities(frame, grains, world)
         return self.state_of(self.speeds, frame)[self.sim.model.body(path, world).index]
+
+    def grain_path(self, path: str | None) -> str:
+        """The path where it is that of material points, else "". None: of the only body."""
+        if not self.grains:
+            return ""
+        only = self.grains.paths[0] if len(self.grains.paths) == 1 and not self.sim.model.bodies else ""
+        return only if path is None else path if path in self.grains.paths else ""
 
     def reach(self, frame: int) -> None:
         """Runs, if that has not been done. Raises SceneError for frames that there are not."""

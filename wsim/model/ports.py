@@ -83,6 +83,7 @@ class Ports:
     strand_reactions: Any = NONE
     fluids: Fluids = NONE
     recorded_fluids: Any = NONE
+    recorded_points: Any = NONE                         # material points
     balance: Any = NONE
 
 

@@ -72,7 +72,7 @@ METHODS: list[MethodRow] = [
               claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
     MethodRow("mpm", "wsim.physics.mpm", owns=("MaterialPoints", "MaterialSink"), unseen=("MaterialSink",),
               claims=("WsimMaterialPointsAPI", "WsimMaterialSinkAPI", "NewtonPointsDeformableSimAPI", "PhysxParticleSetAPI"),
-              without="there are no material points"),
+              without="there are no material points", gradients=True),
     MethodRow("rods", "wsim.physics.rods", owns=("Rods",), without="there is no rod"),
     MethodRow("follow", "wsim.physics.rods.follow", owns=("Followers",), posed=True, claims=("WsimRodsAPI",),
               without="no hair follows guides"),

@@ -99,4 +99,4 @@ def motion_functions(laws: tuple[str, ...], real) -> SimpleNamespace:
         points.o[p] = t.vec3(to[0] - x, to[1] - y, to[2] - z)
 
     return SimpleNamespace(step_rate=step_rate, deform_particle=deform_particle, shift_particle=shift_particle,
-                           read_strain=read_strain, energy=energy)
+                           read_strain=read_strain, bears_nothing=bears_nothing, respond=respond, energy=energy)

@@ -25,6 +25,7 @@ from wsim.gradient.inputs.bodies import BodyValue
 from wsim.gradient.inputs.contact import ContactInput, ShiftInput
 from wsim.gradient.inputs.controls import ActuationInput, LoadInput, TargetsInput
 from wsim.gradient.inputs.fluids import FluidValue, SurfaceInput
+from wsim.gradient.inputs.grains import MaterialPointValue
 from wsim.gradient.inputs.path import PathInput
 from wsim.gradient.inputs.rest import RestInput
 from wsim.gradient.inputs.skeletons import BlendWeightsInput, JointTurnsInput
@@ -48,6 +49,8 @@ class SceneInput(RecordingInput):
             return getattr(fluids.method, self.what)[world].copy()
         if points is None and p.bodies and self.what == "gravity":
             return p.bodies.method.gravity[world].copy()
+        if points is None and self.recording.grains and self.what == "gravity":
+            return self.recording.grains.method.gravity[world].copy()
         if points is None:
             raise gradient_refusal("idle", self.name, name=self.what)
         array = points.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
@@ -169,7 +172,8 @@ KINDS: dict[str, type[RecordingInput]] = {"start": StartInput, "whole": SceneInp
                                           "targets": TargetsInput, "contact": ContactInput,
                                           "shift": ShiftInput, "surface": SurfaceInput, "path": PathInput, "body": BodyValue,
                                           # by `ValueRow.gradient`
-                                          "fluid": FluidValue, "turns": JointTurnsInput, "weights": BlendWeightsInput}
+                                          "fluid": FluidValue, "grains": MaterialPointValue,
+                                          "turns": JointTurnsInput, "weights": BlendWeightsInput}
 
 
 def _input_of_name(recording, name: str) -> RecordingInput:

@@ -7,6 +7,7 @@
 from math import ceil, log2
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
@@ -30,6 +31,12 @@ def gathers(device: Any) -> bool:
 def key_bits(worlds: int) -> int:
     """Bits of a block's key for each axis: 63 less those of the world."""
     return min(20, (63 - ceil(log2(max(worlds, 1)))) // 3)
+
+
+def wave_stiffness(material: Any) -> float:
+    """lambda + 2 mu [Pa]."""
+    mu, lam = material.numbers()[:2]
+    return lam + 2.0 * mu
 
 
 class SparseGrid:
@@ -104,6 +111,17 @@ class SparseGrid:
         arrays = [self.slot, self.nodes, self.sums, self.cell_count, g.number, g.near, g.first, g.key]
         return sum(a.capacity for a in arrays) + self.count * (12 + 16 * wp.types.type_size_in_bytes(self.real))
 
+    def set_material(self, row: int, now: Any, before: Any, particles: np.ndarray) -> None:
+        """Gives a row of materials other numbers; the stiffness of its particles, which steps follow, grows with them."""
+        t = np.float64 if self.real is wp.float64 else np.float32
+        for array, value in ((self.materials.numbers, now.numbers()), (self.materials.density, now.density)):
+            values = array.numpy()
+            values[row] = np.asarray(value, t)
+            array.assign(values)
+        a = self.points.a.numpy()
+        a[particles] *= wave_stiffness(now) / wave_stiffness(before)
+        self.points.a.assign(a)
+
     def launch(self, kernel: Any, count: int, inputs: list) -> None:
         """Launches a kernel of this grid."""
         how: dict[str, Any] = {"block_dim": BLOCK} if self.cuda else {}
@@ -113,6 +131,11 @@ class SparseGrid:
 
     def run_frame(self, dt: float, word: Any) -> None:
         """Launches all steps of a frame [s]."""
+        self.begin_frame(dt)
+        self.run_steps(dt, word)
+
+    def begin_frame(self, dt: float) -> None:
+        """Launches what chooses the first step."""
         real = self.real
         self.pace.zero_()
         threads = min(self.count, MEASURERS if self.cuda else 1)
@@ -121,7 +144,6 @@ class SparseGrid:
         if self.flow:
             self.flow.launch_frame(self)
         self.launch(self.by_step.begin_steps, 1, [real(dt), self.more, self.pace, self.clock, self.going])
-        self.run_steps(dt, word)
 
     def run_steps(self, dt: float, word: Any) -> None:
         """Launches steps as long as the clock goes on."""
@@ -138,18 +160,22 @@ class SparseGrid:
         """Launches one step."""
         self.sort_cells(word)
         g, points, materials = self.grid, self.points, self.materials
-        if not self.gathers:
-            self.nodes.zero_()
-        self.launch(self.sort_momentum, self.count,
-                    [points, materials, g, self.clock, self.rows if self.gathers else self.nodes])
-        if self.gathers:
-            self.launch(self.sum_cells, 32 * CELLS * self.blocks, [g, self.rows, self.sums])
+        self.give_momentum()
         self.launch(self.move_nodes, CELLS * self.blocks,
                     [g, self.sums, materials, self.wall_rows, self.clock, self.nodes])
         self.launch(self.move_particles, self.count,
                     [g, self.nodes, materials, self.wall_rows, self.clock, points, word, self.pace])
         self.launch(self.by_step.next_step, 1,
                     [self.real(dt), self.blocks, self.more, self.pace, self.clock, self.going, word])
+
+    def give_momentum(self) -> None:
+        """Launches what gives momentum to cells, or to nodes."""
+        if not self.gathers:
+            self.nodes.zero_()
+        self.launch(self.sort_momentum, self.count,
+                    [self.points, self.materials, self.grid, self.clock, self.rows if self.gathers else self.nodes])
+        if self.gathers:
+            self.launch(self.sum_cells, 32 * CELLS * self.blocks, [self.grid, self.rows, self.sums])
 
     def sort_cells(self, word: Any) -> None:
         """Launches what finds blocks, and the particles of each cell."""

@@ -39,3 +39,18 @@ def measure_bodies(method: Any) -> dict[str, float]:
         there = [method.part.arrays["there"].numpy()[method.part.rows[thing.path, 0]] for thing in method.things]
         found |= tally_flow(method.things, method.flow.sinks, there, [method.masses(k) for k in range(len(there))])
     return found
+
+
+def find_crowd(method: Any) -> int:
+    """A row of the particles of the fullest cell."""
+    node = np.stack([method.part.arrays[name].numpy() for name in "ijk"], axis=1)
+    _, first, count = np.unique(node, axis=0, return_index=True, return_counts=True)
+    return int(first[np.argmax(count)])
+
+
+def find_fastest(method: Any) -> int:
+    """The row of the particle with the greatest speed, of itself or of its waves."""
+    arrays, grid = method.part.arrays, method.grid
+    speed = np.linalg.norm(arrays["v"].numpy(), axis=1)
+    density = grid.materials.density.numpy()[grid.points.row.numpy()]
+    return int(np.argmax(np.nan_to_num(speed + np.sqrt(arrays["a"].numpy() / density), nan=np.inf)))

@@ -3,6 +3,7 @@ steps of a frame (`wsim.physics.mpm.grid`). All bodies of all worlds share the g
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable, kind_names
 from wsim.physics.mpm.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
-from wsim.physics.mpm.grid import MORE, SparseGrid
-from wsim.physics.mpm.implicit.choice import chosen_integrator
+from wsim.physics.mpm.grid import MORE
+from wsim.physics.mpm.implicit.choice import chosen_integrator, grid_class
 from wsim.physics.mpm.memory import refuse_large_bodies
 from wsim.physics.mpm.objects import MaterialPoints
 from wsim.physics.mpm.results import particle_sample
@@ -67,14 +68,6 @@ def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
     return tuple(sorted({material.law for thing in things for material in thing.materials}))
 
 
-def grid_class(things: list[MaterialPoints], fps: float) -> type[SparseGrid]:
-    """The class of the grid that takes the steps of a scene's bodies."""
-    if chosen_integrator(things, fps) == "explicit":
-        return SparseGrid
-    from wsim.physics.mpm.implicit.granular import GranularGrid
-    return GranularGrid
-
-
 def signature(b: Any) -> list:
     """Part of a scene's bodies that decides kernels."""
     things, sinks = b.scene.things("MaterialPoints"), b.scene.things("MaterialSink")
@@ -93,7 +86,7 @@ class MaterialPointMethod(Method):
         refuse_large_bodies(self.things, b)
         placed = [self._place_thing(k) for k in range(len(self.things))]
         x = np.concatenate([each.x for each in placed])
-        make_grid = grid_class(self.things, b.scene.fps)
+        make_grid = grid_class(self.things, b.scene.fps, b.model.gradients)
         self.corner = self.cell * (np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell) + make_grid.shift)
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
         self.times = np.concatenate([each.times for each in placed])
@@ -102,12 +95,13 @@ class MaterialPointMethod(Method):
         counts = [len(each.x) for each in placed]
         self.thing_of = np.repeat(np.arange(len(placed)), counts)
         self.materials = [material for thing in self.things for material in thing.materials]
-        first = np.cumsum([0, *(len(thing.materials) for thing in self.things)])
+        self.now = [list(self.materials) for _ in range(b.model.worlds)]       # of each world, with what was set
+        self.first = first = np.cumsum([0, *(len(thing.materials) for thing in self.things)])
         self.material_of = np.concatenate([first[k] + (np.zeros(n, int) if thing.which is None else thing.which)
                                            for k, (thing, n) in enumerate(zip(self.things, counts, strict=True))])
         self.laws = law_names(self.things)
-        rates = {name: np.concatenate([getattr(each, name) for each in placed]) for name in "vC"}
-        self.part = self._allocate({"o": offset, **rates})
+        v, C = (np.concatenate([getattr(each, name) for each in placed]) for name in "vC")
+        self.part = self._allocate({"o": offset, "v": v, "C": C})
         b.state.add(self.part)
         colliders = ColliderTable(b.model, b.scene.colliders, self.corner) if b.scene.colliders else None
         blocks = b.model.worlds * (count_blocks(self.node) + np.count_nonzero(np.isfinite(self.times)) // POURED)
@@ -118,9 +112,13 @@ class MaterialPointMethod(Method):
             self._fill_births()
         b.status.reserve(WORD, WORDS)
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
-        self.more, self.spare, self.time = MORE, SPARE, 0.0
+        self.more, self.spare, self.time, self.begins, self.fps = MORE, SPARE, 0.0, 0.0, b.scene.fps
+        self.base, self.recorded = b.clock.substeps, None
         self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
+        if b.model.gradients:
+            from wsim.physics.mpm.adjoint.recorded import record_method
+            self.offers.recorded_points = self.recorded = record_method(self, b.scene)
 
     def _place_thing(self, k: int) -> PlacedPoints:
         """Particles of a body, or those that it pours."""
@@ -158,8 +156,7 @@ class MaterialPointMethod(Method):
         worlds, count = model.worlds, len(self.materials)
         self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (worlds, 1))
         rows = (np.arange(worlds)[:, None] * count + self.material_of[self.order]).ravel()
-        t, materials = self.model.dtype, self.materials
-        vec3 = self.part.arrays["v"].dtype
+        t, materials, vec3 = self.model.dtype, self.materials, self.part.arrays["v"].dtype
         self._fill_points(rows, np.tile(self.volume[self.order], worlds))
         numbers = np.array([m.numbers() for m in materials] * worlds, t)
         self.grid.materials = fill_struct(
@@ -181,7 +178,7 @@ class MaterialPointMethod(Method):
         self.more, self.spare = MORE, SPARE
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        self.time = time + clock.dt                            # where the frame ends [s]
+        self.begins, self.time = time, time + clock.dt         # where the frame ends [s]
         if self.grid.colliders:
             self.grid.colliders.pose(time, clock.dt)
             self.evaluates["poses"] = list(self.grid.colliders.moved)
@@ -191,7 +188,8 @@ class MaterialPointMethod(Method):
                 reserve_further_rows(self, frame)
                 self.moved = True
             self.flow.pose(time, clock.dt)
-        self.grid.more.fill_(self.more)
+        self.finer = clock.substeps / self.base                # steps of a frame that is asked for in smaller ones
+        self.grid.more.fill_(self.finer * self.more)
 
     def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         if self.flow:
@@ -199,19 +197,23 @@ class MaterialPointMethod(Method):
 
     def run_stage(self, clock: Clock) -> None:
         self.grid.solve_word = self.status.word(SOLVE_WORD)
-        self.grid.run_frame(clock.dt, self.status.word(WORD))
+        if self.recorded and self.model.tape:
+            self.recorded.frame(clock)
+        else:
+            self.grid.run_frame(clock.dt, self.status.word(WORD))
 
     def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         blocks, crowd, gone, steps, excess = (int(n) for n in status.said(WORD))
+        from wsim.physics.mpm.measure import find_crowd, find_fastest
         if blocks > self.grid.blocks:
             return [Remedy("grow", lambda: self._make_room(blocks))]
         if crowd > int(CROWD):
-            return [self._give_up(self._find_crowd(), f"shares its cell of {self.cell:g} m with {crowd - 1} others, at most "
+            return [self._give_up(find_crowd(self), f"shares its cell of {self.cell:g} m with {crowd - 1} others, at most "
                                   f"{int(CROWD) - 1} may; fix: give smaller cells, a stiffer material, or room")]
         if gone:
             return [self._give_up(gone - 1, "left the range of the grid; fix: give a floor, or larger cells")]
         if steps >= int(MOST):
-            return [self._give_up(self._find_fastest(), f"needs more than {int(MOST)} steps a frame; fix: give a softer "
+            return [self._give_up(find_fastest(self), f"needs more than {int(MOST)} steps a frame; fix: give a softer "
                                   "material, a lower speed, larger cells, or more frames a second")]
         if excess:
             self.more *= max(excess / 100.0, 2.0)              # what jumps once may jump again
@@ -232,18 +234,6 @@ class MaterialPointMethod(Method):
         node = np.array([arrays[name].numpy()[row] for name in "ijk"], np.float64)
         x = self.corner + self.cell * (node + arrays["o"].numpy()[row])
         return Remedy("stop", part="mpm", row=row, why=f"at ({', '.join(f'{c:.4g}' for c in x)}) m {why}")
-
-    def _find_crowd(self) -> int:
-        """A row of the particles of the fullest cell."""
-        node = np.stack([self.part.arrays[name].numpy() for name in "ijk"], axis=1)
-        _, first, count = np.unique(node, axis=0, return_index=True, return_counts=True)
-        return int(first[np.argmax(count)])
-
-    def _find_fastest(self) -> int:
-        """The row of the particle with the greatest speed, of itself or of its waves."""
-        speed = np.linalg.norm(self.part.arrays["v"].numpy(), axis=1)
-        density = self.grid.materials.density.numpy()[self.grid.points.row.numpy()]
-        return int(np.argmax(np.nan_to_num(speed + np.sqrt(self.part.arrays["a"].numpy() / density), nan=np.inf)))
 
     def _make_room(self, blocks: int) -> str:
         self.grid.make_room(min(int(self.spare * blocks), EACH * self.part.count))
@@ -296,4 +286,15 @@ class MaterialPointMethod(Method):
             self.gravity[slice(None) if world is None else world] = value
             self.grid.materials.gravity.assign(self.gravity.astype(self.model.dtype))
             return True
-        return False
+        found = next((k for k, thing in enumerate(self.things) if thing.path == path), None)
+        if found is None or self.things[found].further or not hasattr(self.things[found].material, name):
+            return False
+        for of in range(self.model.worlds) if world is None else [world]:
+            before, row = self.material_now(found, of), self.first[found]
+            self.now[of][row] = now = replace(before, **{name: float(value)})
+            self.grid.set_material(of * len(self.materials) + row, now, before, self.part.rows[path, of])
+        return True
+
+    def material_now(self, k: int, world: int = 0) -> Any:
+        """First material of body k in a world, with what was set."""
+        return self.now[world][self.first[k]]

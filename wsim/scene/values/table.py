@@ -6,13 +6,14 @@ it; `Simulation.set`, checks, values that vary in time, fits, inputs of gradient
 """
 
 from collections.abc import Iterator
-from math import inf
+from math import inf, pi
 
 from wsim.scene.values.value import LARGE, PerElementFit, ThetaMap, UsdAttribute, ValueRange, ValueRow
 
 ANY, POSITIVE, LIMIT = ValueRange(-inf), ValueRange(strict=True), ValueRange(endless=True)
 LOG, PLAIN, HALF, RATIO = (ThetaMap("log"), ThetaMap("plain", high=LARGE), ThetaMap("bounded", 0.0, 0.5),
                            ValueRange(-1.0, True, 0.5))
+STEEP = ThetaMap("bounded", 0.0, 0.5 * pi)
 BODIES = ("Cloth", "Springs", "Soft")
 
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
@@ -140,6 +141,16 @@ VALUES: list[ValueRow] = [
                                  ("cfl", "cfl", "1"))),
     ValueRow("Liquid", "flip", "1", ValueRange(high=1.0, closed=True), live=False, why=AIRY,
              usd=UsdAttribute(LIQUID, "wsim:liquid:flip")),
+
+    *(ValueRow("MaterialPoints", name, unit, where, needs=needs, fit=fit, gradient="grains")
+      for name, unit, where, needs, fit in (
+        ("young", "Pa", POSITIVE, (), LOG), ("poisson", "1", RATIO, (), HALF), ("density", "kg/m^3", POSITIVE, (), LOG),
+        ("viscosity", "Pa s", ValueRange(), ("start",), LOG), ("bulk", "Pa", POSITIVE, (), LOG),
+        ("exponent", "1", ValueRange(1.0, True), (), None), ("friction_angle", "rad", ValueRange(high=0.5 * pi), (), STEEP),
+        ("cohesion", "Pa", ValueRange(), ("start",), LOG), ("compression_limit", "1", ValueRange(), (), LOG),
+        ("tension_limit", "1", ValueRange(), (), LOG), ("hardening", "1", ValueRange(), (), LOG))),
+    *(ValueRow("MaterialPoints", name, unit, ANY, "array", live=False, gradient="grains") for name, unit in (
+        ("positions", "m"), ("velocities", "m/s"))),
 
     ValueRow("Cloth", "thickness", "m", POSITIVE, live=False, usd=UsdAttribute(OWN, "wsim:thickness"), why=FIXED),
     *(ValueRow("Cloth", name, "1", live=False, usd=UsdAttribute(FLAT, f"wsim:{name}"),

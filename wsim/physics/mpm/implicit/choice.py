@@ -38,3 +38,14 @@ def chosen_integrator(things: list[MaterialPoints], fps: float) -> str:
         return asked.pop()
     most = max(explicit_steps(material, things[0].cell, fps)[0] for material in materials_of(things))
     return "implicit" if has_implicit_steps(things) and most > SAND_STEPS else "explicit"
+
+
+def grid_class(things: list[MaterialPoints], fps: float, gradients: bool) -> Any:
+    """The class of the grid that takes the steps of a scene's bodies. gradients: explicit steps alone have some, and
+    are taken unless implicit ones are asked for."""
+    asked = any(thing.integrator == "implicit" for thing in things)
+    if chosen_integrator(things, fps) == "explicit" or gradients and not asked:
+        from wsim.physics.mpm.grid import SparseGrid
+        return SparseGrid
+    from wsim.physics.mpm.implicit.granular import GranularGrid
+    return GranularGrid
