@@ -185,7 +185,7 @@ class MaterialPoints(ArrayDataclass):
     further    more materials, of which `which` chooses
     which      of each of the points, (n,): 0 is `material`, k is the k-th of `further`; None: all are of `material`
     widths     diameters in results, of all or of each of the points [m]; None: of balls of the volumes
-    ids        of each of the points in results, (n,); None: 0, 1, 2 ...
+    ids        numbers of the points in results, (n,) [1]; None: 0, 1, 2 ...
     colors     linear, of all, (3,), or of each of the points (n, 3); None: by the material
     integrator "explicit", "implicit", or "auto", which takes implicit steps where they cost less; one for all bodies of a scene
     """
