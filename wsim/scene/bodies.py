@@ -139,7 +139,7 @@ class PointObject(ArrayDataclass):
     plural = is_sheet = is_net = is_solid = False
 
     path: str
-    points: np.ndarray
+    points: Any
     motion: Motion
 
     @property
@@ -162,6 +162,7 @@ class Deformable(PointObject):
     lengths: np.ndarray | None = None
     mass: float | None = None
 
+    points: np.ndarray
     velocities: np.ndarray | None
     masses: np.ndarray | None
 

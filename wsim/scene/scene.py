@@ -19,7 +19,7 @@ from wsim.scene.bodies import ArrayDataclass, DefaultCount, Deformable, body_in_
 from wsim.scene.check.problem import Problem as Problem
 from wsim.scene.check.problem import SceneError as SceneError
 from wsim.scene.curve import Motion
-from wsim.scene.methods import METHODS, deforming_classes, describe_scene_contents, method_file, owning_method
+from wsim.scene.methods import METHODS, deforming_classes, describe_scene_contents, method_file, owning_method, pins_of_object
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
 if TYPE_CHECKING:
@@ -243,9 +243,10 @@ class Scene(ArrayDataclass):
         return self.add(getattr(method_file(name, "objects"), name)(path, shape, **more))
 
     def pin(self, path: str, body, points, **more) -> Pin:
-        """Holds points (indices) of a cloth or spring net; see `Pin` for the fields."""
-        self.pins.append(Pin(path, body if isinstance(body, str) else body.path, points, **more))
-        return self.pins[-1]
+        """Holds points (indices) of an object that has points; see `Pin` for the fields."""
+        pin = Pin(path, body if isinstance(body, str) else body.path, points, **more)
+        pins_of_object(self, pin.body).append(pin)
+        return pin
 
     def tie(self, path: str, body, points, other, others) -> Tie:
         """Adds a tie: points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""

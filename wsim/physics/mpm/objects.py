@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import ArrayDataclass
+from wsim.scene.bodies import ArrayDataclass, PointObject
 from wsim.scene.curve import Motion
 
 ACROSS = 2                 # particles of a full cell along each axis
@@ -166,7 +166,7 @@ class MaterialSink(ArrayDataclass):
 
 
 @dataclass(eq=False)
-class MaterialPoints(ArrayDataclass):
+class MaterialPoints(PointObject):
     """A body of particles that breaks, pours and piles up, as in `scene.mpm("/jelly", Box((0.1, 0.1, 0.1)), at=(0, 1, 0),
     cell=0.025)`. It has a shape, which particles fill, or points. All bodies of a scene meet on one grid of one cell size,
     without bounds. Particles stay outside of the scene's colliders.
@@ -189,6 +189,10 @@ class MaterialPoints(ArrayDataclass):
     colors     linear, of all, (3,), or of each of the points (n, 3); None: by the material
     integrator "explicit", "implicit", or "auto", which takes implicit steps where they cost less; one for all bodies of a scene
     """
+
+    noun, plural = "material points", True
+    refused = dict.fromkeys(("pin", "load", "tie"), "material points take no pins, loads or ties yet: nothing holds a particle "
+                            "to a place while it flows")
 
     path: str
     shape: Any = None

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.scene import Load, Problem, Scene
-from wsim.scene.check.objects import check_point_array, object_warning, thing_error
-from wsim.scene.methods import point_objects
+from wsim.scene.check.objects import check_point_array, find_point_object, object_warning, thing_error
 
 
 def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
@@ -23,15 +22,8 @@ def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
                            "it names both points and triangles" if thing.points is not None else "it names neither points nor "
                            "triangles", "points of a force, or triangles of a traction", "leave one of them out, or name some")
         return
-    bodies = point_objects(scene)
-    body = next((b for b in bodies if b.path == thing.body), None)
+    body = yield from find_point_object(path, "load", "loads", thing.body, scene)
     if body is None:
-        names = ", ".join(b.path for b in bodies[:5]) or "none, the scene has no body"
-        yield thing_error(path, f"it loads '{thing.body}', which is no cloth, spring net, soft body or rods here", names,
-                           "name one")
-        return
-    if why := body.refused.get("load"):
-        yield thing_error(path, f"it loads {thing.body}, and {why}", "a body that bears loads", "leave the load out")
         return
     named = thing.triangles if thing.points is None else thing.points
     assert named is not None

@@ -3,17 +3,18 @@
 Each rule yields Problems in one form: what was found, what is allowed (or expected, for a warning) and the mend.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import fields
 from math import floor, inf, isfinite, log10
 from typing import Any
 
 import numpy as np
 
-from wsim.scene import Collider, Plane, Problem, Surface, solids
+from wsim.scene import Collider, Plane, Problem, Scene, Surface, solids
 from wsim.scene.check import mesh
 from wsim.scene.check.counts import MANY, MOST
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.methods import point_objects
 from wsim.scene.values import table
 
 FAR = 1e5                   # [m] from the own origin: float32 resolves 8 mm there, and no cloth survives that
@@ -160,6 +161,22 @@ def check_float32_rounding(path: str, points: np.ndarray) -> Iterator[Problem]:
 def check_surface(shape: Surface, path: str) -> list[Problem]:
     """Problems of polygons that are to be cut into triangles."""
     return mesh.check_polygon_mesh(path, shape.points, shape.counts, shape.indices, False)
+
+
+def find_point_object(path: str, what: str, verb: str, named: str, scene: Scene) -> Generator[Problem, None, Any]:
+    """The object whose points a pin, load or tie (`what`, at `path`) names; None after a problem: it is not there, or its
+    method takes none."""
+    there = point_objects(scene)
+    found = next((thing for thing in there if thing.path == named), None)
+    if found is None:
+        nouns = "cloth, spring net, soft body" + ", rods" * (what != "tie") + " or material points"
+        yield thing_error(path, f"it {verb} '{named}', which is no {nouns} here",
+                           ", ".join(thing.path for thing in there[:5]) or "none, the scene has no body", "name one of them")
+    elif why := found.refused.get(what):
+        yield thing_error(path, f"it {verb} {named}, and {why}", f"an object that takes a {what}",
+                           f"leave the {what} out, or name another")
+        return None
+    return found
 
 
 def check_collider(thing: Collider) -> list[Problem]:

@@ -23,6 +23,7 @@ from wsim.scene.check.objects import (
     check_point_array,
     check_rigid_motion,
     check_table_values,
+    find_point_object,
     object_warning,
     thing_error,
 )
@@ -192,11 +193,8 @@ def _check_pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     yield from check_rigid_motion(path, pin.motion, "take the scale out of the xform that the pin hangs on")
     if len(pin.points) == 0:
         yield object_warning(path, "it holds no points", "at least one", "name points, or remove the pin")
-    body = next((b for b in scene.bodies() if b.path == pin.body), None)
+    body = yield from find_point_object(path, "pin", "holds", pin.body, scene)
     if body is None:
-        names = ", ".join(b.path for b in scene.bodies()[:5]) or "none, the scene has no body"
-        yield thing_error(path, f"it holds '{pin.body}', which is no cloth, spring net or soft body here", names,
-                           "name one of them")
         return
     bad = (pin.points < 0) | (pin.points >= len(body.points))
     if bad.any():

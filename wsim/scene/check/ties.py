@@ -6,20 +6,18 @@ from math import inf, isfinite
 import numpy as np
 
 from wsim.scene import Problem, Scene, Tie
-from wsim.scene.check.objects import thing_error
+from wsim.scene.check.objects import find_point_object, thing_error
 
 APART = 1e-4       # of the soft body's size, by which points that are to be one may stand apart
 
 
 def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     """Problems of a tie. Positions are compared in the world at the start."""
-    path, bodies = thing.path, {b.path: b for b in scene.bodies()}
-    for name in (thing.body, thing.other):
-        if name not in bodies:
-            yield thing_error(path, f"it ties '{name}', which is no cloth, spring net or soft body here",
-                               ", ".join(list(bodies)[:5]) or "none, the scene has no body", "name one of them")
-            return
-    body, other = bodies[thing.body], bodies[thing.other]
+    path = thing.path
+    body = yield from find_point_object(path, "tie", "ties", thing.body, scene)
+    other = yield from find_point_object(path, "tie", "ties", thing.other, scene)
+    if body is None or other is None:
+        return
     if not other.is_solid or body is other:
         yield thing_error(path, f"it ties {thing.body} to {thing.other}", "a body and another that is soft",
                            "name the soft body second")
