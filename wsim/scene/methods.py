@@ -23,13 +23,15 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
+from wsim.scene.values.cost import MethodCost
+
 
 @dataclass(frozen=True)
 class MethodRow:
     """owns: names of its dataclasses; unseen: those of them that results hold nothing of; posed: whether they only pose what
     others simulate; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left out where a scene
     lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within a substep;
-    deforms: whether its things are bodies of points, in the order of the rows, which others move."""
+    deforms: whether its things are bodies of points, in the order of the rows, which others move; cost: what it costs."""
 
     name: str
     folder: str
@@ -41,6 +43,7 @@ class MethodRow:
     gradients: bool = False
     pushes: bool = False
     deforms: bool = False
+    cost: MethodCost | None = None
 
     def role(self, name: str) -> Any:
         """A file of the folder, or None where it has none."""
@@ -56,30 +59,53 @@ METHODS: list[MethodRow] = [
     MethodRow("soft", "wsim.physics.soft", owns=("Soft",), deforms=True, gradients=True),
     MethodRow("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     MethodRow("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
-    MethodRow("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True),
-    MethodRow("aero", "wsim.physics.cloth.air", without="no cloth has drag or lift", gradients=True, pushes=True),
-    MethodRow("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
+    MethodRow("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True,
+              cost=MethodCost({"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "block": 3.2e-6, "tet": 1.05e-10,
+               "sheet": 1.8e-6, "shared": 5.8e-10, "sent": 4.5e-7, "limited": 4.6e-6, "struck": 3.3e-6, "tried": 1.6e-7,
+               "faced": 1.6e-5, "cluster": 3.5e-7, "clustered": 9e-11}, {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8,
+               "packed": 1.9e-9, "beside": 3.5e-8, "block": 1.8e-6, "tet": 5e-8},
+               "wsim.simulation.cost:count_explicit_choice")),
+    MethodRow("aero", "wsim.physics.cloth.air", without="no cloth has drag or lift", gradients=True, pushes=True,
+              cost=MethodCost({"blown": 9e-6}, {"blown": 2e-6, "aired": 6e-8})),
+    MethodRow("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True,
+              cost=MethodCost({"newton": 1.2e-4, "solved": 5e-9, "damped": 5e-9, "assembled": 3.9e-9, "gradient": 5.6e-5,
+               "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4}, {"newton": 2e-5, "solved": 1.02e-6, "damped": 8e-7,
+               "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0},
+               "wsim.simulation.cost:count_newton_choice")),
     MethodRow("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
-              pushes=True),
+              pushes=True,
+              cost=MethodCost({"rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11}, {"rest": 4.5e-6, "sweep": 6e-7,
+               "projection": 1.43e-8}, "wsim.simulation.cost:count_sweeps_choice")),
     MethodRow("rigid", "wsim.physics.rigid", owns=("Body", "Joint", "Group", "FilteredPairs"),
               unseen=("Joint", "Group", "FilteredPairs"),
               claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS, "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI",
                       "PointInstancer"),
-              without="there is no rigid body", gradients=True),
+              without="there is no rigid body", gradients=True,
+              cost=MethodCost({"rigid": 2.2e-4, "contact": 7e-8, "joint": 3.8e-4}, {"rigid": 2.5e-5, "contact": 6.5e-7,
+               "joint": 1.25e-5}, "wsim.simulation.predicted.scene_counts:count_rigid")),
     MethodRow("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), unseen=("Source",),
-              claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True),
+              claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True,
+              cost=MethodCost({"grid": 0.0015, "cell": 3e-9, "walled": 0.0, "emitted": 1e-11}, {"grid": 1e-4, "cell": 2e-6,
+               "walled": 8e-7, "emitted": 1.5e-8}, "wsim.simulation.predicted.scene_counts:count_smoke")),
     MethodRow("liquid", "wsim.physics.fluid.liquid", owns=("Liquid", "LiquidSource"), unseen=("LiquidSource",),
-              claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
+              claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid",
+              cost=MethodCost({"tank": 0.003, "drop": 1.5e-8}, {"tank": 0.0, "drop": 1e-5},
+               "wsim.simulation.predicted.scene_counts:count_liquids")),
     MethodRow("mpm", "wsim.physics.mpm", owns=("MaterialPoints", "MaterialSink"), unseen=("MaterialSink",),
               claims=("WsimMaterialPointsAPI", "WsimMaterialSinkAPI", "NewtonPointsDeformableSimAPI", "PhysxParticleSetAPI"),
               without="there are no material points", gradients=True),
-    MethodRow("rods", "wsim.physics.rods", owns=("Rods",), without="there is no rod"),
+    MethodRow("rods", "wsim.physics.rods", owns=("Rods",), without="there is no rod",
+              cost=MethodCost({"rods": 0.001, "rod": 7e-9, "ropes": 0.013, "rope": 4e-6}, {"rods": 0.0, "rod": 4e-6,
+               "ropes": 0.003, "rope": 1e-5}, "wsim.simulation.predicted.scene_counts:count_strands")),
     MethodRow("follow", "wsim.physics.rods.follow", owns=("Followers",), posed=True, claims=("WsimRodsAPI",),
               without="no hair follows guides"),
     MethodRow("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), posed=True, claims=("Skeleton",),
               without="nothing follows a skeleton", gradients=True),
-    MethodRow("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
-    MethodRow("selfcontact", "wsim.physics.contact.selfcontact.method", without="no surface collides with itself", pushes=True),
+    MethodRow("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True,
+              cost=MethodCost({"touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 6e-6, "met": 3e-11}, {"touch": 1e-6,
+               "near": 1.6e-8, "mesh": 0.0, "wide": 0.0, "met": 1.2e-7})),
+    MethodRow("selfcontact", "wsim.physics.contact.selfcontact.method", without="no surface collides with itself", pushes=True,
+              cost=MethodCost({"surfaces": 4e-4, "surfaced": 1e-8}, {"surfaces": 1e-4, "surfaced": 1.3e-5})),
     MethodRow("watch", "wsim.physics.motion.divergence_monitor", gradients=True),
     MethodRow("volume", "wsim.physics.soft.volume", gradients=True),
     MethodRow("muscles", "wsim.physics.cloth.nets.muscles", without="no spring has an actuation", gradients=True),

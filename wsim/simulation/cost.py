@@ -1,8 +1,9 @@
 """Seconds that a frame takes by each solver, known before any is run: what it does, counted, times what each costs.
 
     counts     how often a frame of a plan does what COSTS has the seconds of, by name
-    COSTS      by kind of device, fitted to what tools/bench/choice/misses.py measured (tools/results/data/choice_*.json), which
-               prints the fitted constants; nothing is timed at build
+    COSTS      by kind of device, as the rows of methods state them (`wsim.scene.values.cost.MethodCost`), fitted to what
+               tools/bench/choice/misses.py measured (tools/results/data/choice_*.json), which prints the fitted constants;
+               nothing is timed at build
 
     step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by weight
     blown                       a substep of it in which air acts
@@ -48,11 +49,13 @@ from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, kind_row
 from wsim.scene import Surface
 from wsim.scene.methods import (
+    METHODS,
+    MethodRow,
+    each_method_object,
     feels_air,
     has_self_collision,
     has_tets,
     loads_on_deformables,
-    other_objects,
     solid_materials,
 )
 
@@ -75,24 +78,8 @@ from wsim.scene.methods import (
 # particles (tools/results/fluids.md); no scene there has many sources
 # rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
 # their frames in the mean; H200: 100 and 10000 hairs (3 to 15 ms by 4), 4 ropes under a box and 64 under 16 (60 and 91 ms by 4)
-COSTS = {
-    "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
-             "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
-             "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
-             "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 6e-6,
-             "sheet": 1.8e-6, "shared": 5.8e-10, "sent": 4.5e-7, "struck": 3.3e-6, "tried": 1.6e-7, "faced": 1.6e-5,
-             "limited": 4.6e-6, "surfaces": 4e-4, "surfaced": 1e-8,
-             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9,
-             "rigid": 2.2e-4, "contact": 7e-8, "joint": 3.8e-4, "walled": 0.0, "emitted": 1e-11, "tank": 3e-3, "drop": 1.5e-8,
-             "rods": 1e-3, "rod": 7e-9, "ropes": 1.3e-2, "rope": 4e-6},
-    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
-            "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
-            "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
-            "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
-            "surfaces": 1e-4, "surfaced": 1.3e-5,
-            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 1e-6, "grid": 1e-4, "cell": 2e-6,
-            "rigid": 2.5e-5, "contact": 6.5e-7, "joint": 1.25e-5, "walled": 8e-7, "emitted": 1.5e-8, "tank": 0.0, "drop": 1e-5,
-            "rods": 0.0, "rod": 4e-6, "ropes": 3e-3, "rope": 1e-5}}
+COSTS = {kind: {"body": body} | {name: each for row in METHODS if row.cost for name, each in getattr(row.cost, kind).items()}
+         for kind, body in (("cuda", 1e-8), ("cpu", 1e-6))}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
 SHARED_TET = 10.0      # work of a tet that blocks share, in that of sheets
@@ -104,14 +91,20 @@ SLOW = 430.0           # substeps a second, below which a search beside a mesh g
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
 CLUSTER, GRID = 16, 128
-OTHERS = "Rods", "Body", "Fluid", "Liquid", "Source", "LiquidSource", "Joint", "Group", "FilteredPairs"      # counted apart
 RATE = 8.0             # root of omega h of soft bodies where it is not known
 
 
 def seconds_of_counts(model: Model, counted: dict[str, float]) -> float:
     """Time that so much takes on the model's device [s]."""
-    costs = COSTS["cuda" if model.device.is_cuda else "cpu"]
+    kind = "cuda" if model.device.is_cuda else "cpu"
+    own = {name: each for row in _rows_with_things(model.scene) if row.cost for name, each in getattr(row.cost, kind).items()}
+    costs = own | COSTS[kind]                              # rows may be added later
     return sum(times * costs[name] for name, times in counted.items())
+
+
+def _rows_with_things(scene) -> list[MethodRow]:
+    """Rows of the things of a scene that are no bodies of points."""
+    return list(dict.fromkeys(row for row, _ in each_method_object(scene)))
 
 
 def count_explicit_frame(model: Model, n: int) -> dict[str, float]:
@@ -214,38 +207,43 @@ def highest_frequency(model: Model) -> float:
 
 def count_frame_of_choice(model: Model, choice) -> dict[str, float]:
     """Counts of a frame of a `wsim.simulation.choice.SchemeChoice`, as if all that may touch did."""
-    n = choice.substeps
-    if choice.solver == "explicit":
-        return count_explicit_frame(model, n) | _count_other_objects(model, n, 0)
+    counts = {row.name: row.cost.counts for row in METHODS if row.cost}
+    steps = choice.iterations if choice.solver == "implicit" and has_tets(model.scene) else 0
+    found = counts.get(choice.solver, count_sweeps_choice)(model, choice)
+    return found | _count_other_objects(model, choice.substeps, choice.substeps * steps)
+
+
+def count_explicit_choice(model: Model, choice) -> dict[str, float]:
+    """Counts of a frame by the explicit solver."""
+    return count_explicit_frame(model, choice.substeps)
+
+
+def count_newton_choice(model: Model, choice) -> dict[str, float]:
+    """Counts of a frame by the implicit solver."""
     if has_tets(model.scene):
-        return count_newton_of_soft_bodies(model, n, choice.iterations,
-                                           choice.omega) | _count_other_objects(model, n, n * choice.iterations)
-    if choice.solver == "implicit":
-        return count_newton_of_sheets(model, n, choice.iterations,
-                                      choice.omega or highest_frequency(model)) | _count_other_objects(model, n, 0)
-    return count_sweeps_frame(model, n, choice.iterations) | _count_other_objects(model, n, 0)
+        return count_newton_of_soft_bodies(model, choice.substeps, choice.iterations, choice.omega)
+    return count_newton_of_sheets(model, choice.substeps, choice.iterations, choice.omega or highest_frequency(model))
+
+
+def count_sweeps_choice(model: Model, choice) -> dict[str, float]:
+    """Counts of a frame by XPBD."""
+    return count_sweeps_frame(model, choice.substeps, choice.iterations)
 
 
 def _count_other_objects(model: Model, n: int, steps: int) -> dict[str, float]:
-    """What a frame of n substeps, and so many Newton steps, is said to take besides."""
+    """What a frame of n substeps, and so many Newton steps, is said to take besides: contacts, damping, and what other methods
+    say of their things; what says nothing counts as a body a thing, and so do rigid bodies besides."""
     scene = model.scene
     convex = sum(not isinstance(c.shape, Surface) for c in scene.colliders)
     rate = n * scene.fps                                             # steps a second
     damped = sum(len(b.tets) * sqrt(1.0 + rate * most) for b in model.bodies
                  if b.source.is_solid and (most := b.source.damping_time))
-    rods = scene.things("Rods")
-    others = [thing for thing in other_objects(scene) if type(thing).__name__ not in OTHERS]
-    substep: dict[str, float] = {}
-    each_frame: dict[str, float] = {}
-    if any(scene.things(name) for name in OTHERS[1:4]):
-        from wsim.simulation.predicted.scene_counts import count_others
-        substep, each_frame = count_others(scene, model.device.is_cuda)
-    each, one = ("ropes", "rope") if scene.things("Body") or any(r.self_collision for r in rods) else ("rods", "rod")
-    strands = {each: n, one: n * sum(len(r.points) for r in rods) * model.worlds} if rods else {}
-    return strands | {"met": n * model.points * convex, "damped": steps * damped,
-                      "body": n * (len(others) + len(scene.things("Body"))) * model.worlds,
-                      **{name: n * many * model.worlds for name, many in substep.items()},
-                      **{name: many * model.worlds for name, many in each_frame.items()}}
+    bodies = len(scene.things("Body")) + sum(row.cost is None for row, _ in each_method_object(scene))
+    found: dict[str, float] = {"met": n * model.points * convex, "damped": steps * damped, "body": n * bodies * model.worlds}
+    for row in _rows_with_things(scene):
+        for name, times in (row.cost.counts(scene, n, model.device.is_cuda) if row.cost else {}).items():
+            found[name] = found.get(name, 0.0) + times * model.worlds
+    return found
 
 
 def _count_soft_constraints(model: Model) -> tuple[float, float, set[str]]:

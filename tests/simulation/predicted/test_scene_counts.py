@@ -1,10 +1,12 @@
 """Counts of contacts, joints, sources and particles, from which a frame's time is said: of scenes in which they are known."""
 
+from collections import Counter
+
 import numpy as np
 
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Plane, Scene, Sphere
-from wsim.simulation.predicted.scene_counts import count_fluids, count_rigid, longest_chain
+from wsim.simulation.predicted.scene_counts import count_liquids, count_rigid, count_smoke, longest_chain
 from wsim.simulation.simulation import Simulation
 
 
@@ -17,16 +19,16 @@ def stack(n: int) -> Scene:
 
 
 def test_a_stack_of_boxes_touches_at_four_corners_a_box():
-    assert count_rigid(stack(3), False)["contact"] == 12 and count_rigid(stack(9), False)["contact"] == 36
+    assert count_rigid(stack(3), 1, False)["contact"] == 12 and count_rigid(stack(9), 1, False)["contact"] == 36
     apart = Scene()
     apart.body("/ball", Sphere(0.1), at=(0, 5, 0))
-    assert count_rigid(apart, False) == {"rigid": 1, "contact": 2, "joint": 0} and count_rigid(Scene(), False) == {}
+    assert count_rigid(apart, 1, False) == {"rigid": 1, "contact": 2, "joint": 0} and count_rigid(Scene(), 1, False) == {}
 
 
 def test_bodies_without_shapes_touch_nothing():
     scene = Scene()
     scene.add(Body("/point", [], mass=1.0, center=np.zeros(3), inertia=np.ones(3)))
-    assert count_rigid(scene, False) == {"rigid": 1, "contact": 2, "joint": 0}
+    assert count_rigid(scene, 1, False) == {"rigid": 1, "contact": 2, "joint": 0}
     Simulation(scene, device="cpu").step()
 
 
@@ -36,7 +38,8 @@ def test_a_chain_counts_as_long_as_it_is():
         scene.joint("revolute", f"/joint{k}", f"/box{a}", f"/box{b}", at=(0, 0.2 * (a + 1), 0))
     scene.joint("fixed", "/wall", None, "/box5", at=(0, 1.1, 0))
     joints = scene.things("Joint")
-    assert longest_chain(joints) == 2 and count_rigid(scene, True)["joint"] == 2 and count_rigid(scene, False)["joint"] == 4
+    assert longest_chain(joints) == 2
+    assert count_rigid(scene, 1, True)["joint"] == 2 and count_rigid(scene, 1, False)["joint"] == 4
 
 
 def test_fluids_count_their_sources_and_particles():
@@ -47,7 +50,7 @@ def test_fluids_count_their_sources_and_particles():
     scene.liquid_source("/water", tank, Box((0.5, 0.25, 0.5)), at=(0.5, 0.25, 0.5))
     for k in range(3):
         scene.smoke_source(f"/s{k}", air, Sphere(0.1), at=(2.5, 0.5, 0.5), smoke=1.0)
-    found = count_fluids(scene)
+    found = Counter(count_smoke(scene, 1, False)) + Counter(count_liquids(scene, 1, False))
     assert found["grid"] == 2 and found["cell"] == 2000 and found["emitted"] == 3000 and found["tank"] == 1
     assert np.isclose(found["drop"], 4000, rtol=0.02)
 

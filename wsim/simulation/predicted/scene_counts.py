@@ -1,23 +1,19 @@
-"""Counts of what other methods than those of points do in a frame, from which `wsim.simulation.cost` says how long it takes."""
+"""Counts of what methods besides those of points do in a frame of one world, as their rows in `wsim.scene.methods` name them;
+`wsim.simulation.cost` says how long it takes. All take a scene, substeps a frame and whether a GPU takes them."""
 
 from wsim.scene import Scene
 
 
-def count_others(scene: Scene, chained: bool) -> tuple[dict[str, float], dict[str, float]]:
-    """Counts of the work of rigid bodies in a substep and of fluids in a frame; chained: of joints the longest chain alone."""
-    return count_rigid(scene, chained), count_fluids(scene)
-
-
-def count_rigid(scene: Scene, chained: bool) -> dict[str, float]:
-    """Points of contact and joints of a substep of rigid bodies: those that touch at the start, two of each body at least.
-    chained: joints of the longest chain alone count."""
+def count_rigid(scene: Scene, n: int, chained: bool) -> dict[str, float]:
+    """Points of contact and joints of the substeps of rigid bodies: those that touch at the start, two of each body at least.
+    On a GPU joints of the longest chain alone count: it takes chains one after the other."""
     bodies, joints = scene.things("Body"), scene.things("Joint")
     if not bodies:
         return {}
     from wsim.simulation.predicted.touching import touching_pairs
     _, found = touching_pairs(scene, bodies)
-    return {"rigid": 1, "contact": max(int(found.count.sum()), 2 * len(bodies)),
-            "joint": longest_chain(joints) if chained else len(joints)}
+    return {"rigid": n, "contact": n * max(int(found.count.sum()), 2 * len(bodies)),
+            "joint": n * (longest_chain(joints) if chained else len(joints))}
 
 
 def longest_chain(joints: list) -> int:
@@ -31,21 +27,31 @@ def longest_chain(joints: list) -> int:
     return max((sum((joint.body0 or joint.body1) in members for joint in joints) for members in group.values()), default=0)
 
 
-def count_fluids(scene: Scene) -> dict[str, float]:
-    """Domains, their cells, cells times obstacles and sources, and particles of liquids, of a frame."""
-    if not (scene.things("Fluid") or scene.things("Liquid")):
-        return {}
-    found = dict.fromkeys(("grid", "cell", "walled", "emitted", "tank", "drop"), 0.0)
-    for fluid in (*scene.things("Fluid"), *scene.things("Liquid")):
-        found["grid"] += 1
-        found["cell"] += fluid.elements
-        found["walled"] += fluid.elements * len(scene.colliders)
-    for fluid in scene.things("Fluid"):
-        found["emitted"] += fluid.elements * sum(s.fluid in ("", fluid.path) for s in scene.things("Source"))
-    for liquid in scene.things("Liquid"):
-        from wsim.physics.fluid.liquid.seeds import estimated_particles
-        found["tank"] += 1
-        found["drop"] += estimated_particles(liquid, scene)
-        found["emitted"] += liquid.elements * sum(s.liquid in ("", liquid.path) and s.role != "start"
-                                                  for s in scene.things("LiquidSource"))
+def count_smoke(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
+    """Domains, their cells, and cells times obstacles and sources, of a frame."""
+    found = _count_cells(scene, scene.things("Fluid"))
+    found["emitted"] = sum(fluid.elements * sum(s.fluid in ("", fluid.path) for s in scene.things("Source"))
+                           for fluid in scene.things("Fluid"))
     return found
+
+
+def count_liquids(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
+    """As of smoke, and tanks and particles."""
+    from wsim.physics.fluid.liquid.seeds import estimated_particles
+    found = _count_cells(scene, scene.things("Liquid")) | {"tank": len(scene.things("Liquid"))}
+    found["drop"] = sum(estimated_particles(liquid, scene) for liquid in scene.things("Liquid"))
+    found["emitted"] = sum(liquid.elements * sum(s.liquid in ("", liquid.path) and s.role != "start"
+                                                 for s in scene.things("LiquidSource")) for liquid in scene.things("Liquid"))
+    return found
+
+
+def _count_cells(scene: Scene, domains: list) -> dict[str, float]:
+    cells = sum(domain.elements for domain in domains)
+    return {"grid": len(domains), "cell": cells, "walled": cells * len(scene.colliders)}
+
+
+def count_strands(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
+    """Substeps of strands and of their points: alone, or among bodies and each other."""
+    rods = scene.things("Rods")
+    each, one = ("ropes", "rope") if scene.things("Body") or any(r.self_collision for r in rods) else ("rods", "rod")
+    return {each: n, one: n * sum(len(r.points) for r in rods)} if rods else {}
