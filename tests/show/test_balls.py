@@ -6,7 +6,7 @@ from pxr import Gf, Usd, UsdGeom, Vt
 
 from wsim.scene import SceneError
 from wsim.show.camera import Camera
-from wsim.show.picture import caster_of_stage, finite_points, image_of_stage
+from wsim.show.picture import _cameras_and_ground, caster_of_stage, finite_points, image_of_stage
 from wsim.show.visible import read_visible_stage
 
 CAMERA = Camera.look((0, 0, 10), (0, 0, 0), angle=2 * np.arctan(0.2))         # 4 m high at the origin
@@ -84,3 +84,20 @@ def test_a_place_that_is_not_finite_is_named(tmp_path):
     made = stage(tmp_path, [[(0, 0, 0)], [(np.nan, 0, 0)]], [[1.0], [1.0]], [RED])
     with pytest.raises(SceneError, match="/sand: at time code 1: point 0 is not finite"):
         look(made, 1.0)
+
+
+def test_particles_are_framed_and_the_shape_that_poured_them_is_not_drawn(tmp_path):
+    """Beside a small cube, whose size is a tenth of theirs; one that flies 100 m away steers no camera. Sinks are not drawn."""
+    x = np.random.default_rng(0).uniform(-1, 1, (400, 3))
+    x[0] = (100.0, 0, 0)
+    made = stage(tmp_path, [x], [[0.1] * 400], [RED] * 400)
+    prim = UsdGeom.Cube.Define(made, "/small")
+    prim.CreateSizeAttr(0.1)
+    for path, api in (("/spout", "WsimMaterialPointsAPI"), ("/drain", "WsimMaterialSinkAPI")):
+        UsdGeom.Cube.Define(made, path).GetPrim().AddAppliedSchema(api)
+    UsdGeom.Points.Define(made, "/spout_drops").CreatePointsAttr([(0, 0, 0)])
+    made.Save()
+    seen = read_visible_stage(made.GetRootLayer().realPath)
+    assert {d.look.path for d in seen.drawn} == {"/sand", "/small", "/spout_drops"}
+    (camera,), _ = _cameras_and_ground(seen, [0.0], None, 1.0)
+    assert 4.0 < np.linalg.norm(camera.eye) < 12.0

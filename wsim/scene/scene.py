@@ -216,8 +216,15 @@ class Scene(ArrayDataclass):
         return self.add(method_file("Liquid", "objects").Liquid(path, low, high, cell, **more))
 
     def mpm(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
-        """Adds a body of particles (`MaterialPoints`) that fill a closed shape at a place `at` (3,) [m] or with motion=..., or
-        that are given: points=..., volumes=.... material: "jelly", "snow", "sand", "water", or one of them with numbers."""
+        """Adds a body of particles that break, pour and pile up (`wsim.physics.mpm.objects.MaterialPoints`), as in
+        `scene.mpm("/heap", Box((0.1, 0.1, 0.1)), at=(0, 0.1, 0), cell=0.04, material="sand")`.
+
+        shape      closed, at a place `at` (3,) [m] or with motion=...; or points=... (n, 3) [m] with volumes=... [m^3]
+        material   "jelly", "snow", "sand", "water", or `Jelly`, `Snow`, `Granular`, `Water` with numbers
+        cell       edge of a cell [m], one for all bodies; a full cell has 8 particles
+        velocity   (3,) [m/s]; spin (3,) [rad/s]; colors linear, (3,) or of each point
+        pour       `Pour(start, end, rate)` [s], [s], [kg/s]: the shape begins empty and pours with its velocity
+        """
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 

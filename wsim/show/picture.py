@@ -121,7 +121,8 @@ def _cameras_and_ground(seen: VisibleStage, times: list[float], camera, aspect: 
                                                                                                 list[float | None]]:
     """The camera and the height of the ground at each time."""
     groups = framed_points(seen, times, whole=len(times) > 1)
-    chosen = np.concatenate([groups[k] for k in subjects_in_view(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
+    subjects = sorted({*subjects_in_view(groups), *(k for k, d in enumerate(seen.drawn) if d.balls)})
+    chosen = np.concatenate([groups[k] for k in subjects] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
     axis = "XYZ".index(seen.up)
     below = groups if len(times) > 1 or seen.floor else framed_points(seen, times)        # no floor that rises with the cloth
     base = min((float(g[:, axis].min()) for g in below if len(g)), default=0.0)
@@ -145,11 +146,21 @@ def framed_points(seen: VisibleStage, times: list[float], whole: bool = True) ->
     groups = []
     for d in seen.drawn:
         sets = [points for t in (looks if d.moves else times[:1]) if (points := finite_points(d, t, t in times)) is not None]
-        groups.append(np.concatenate([points[:: 1 + len(points) // 20000] for points in sets]))
+        group = np.concatenate([points[:: 1 + len(points) // 20000] for points in sets])
+        groups.append(without_strays(group) if d.balls else group)
     for smoke in seen.smoke:
         found = [corners for t in looks if (corners := smoke.filled(t)) is not None]
         groups.append(np.concatenate(found) if found else smoke.corners(times[0]))
     return groups
+
+
+def without_strays(points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) less the few that are farther away than most of them are wide: a drop that flies off steers no camera."""
+    if not len(points):
+        return points
+    low, high = np.quantile(points, [0.02, 0.98], axis=0)
+    near = (points >= low - (high - low)) & (points <= high + (high - low))
+    return points[near.all(axis=1)]
 
 
 def finite_points(drawn: DrawnPrim, time: float, needed: bool) -> np.ndarray | None:

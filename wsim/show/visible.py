@@ -18,6 +18,7 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
 
 from wsim.scene import Problem, SceneError
+from wsim.scene.samples import DROPS
 from wsim.show.prim import DrawnPrim, drawn_by, prim_to_world_matrix, shape_is_animated, triangulate_prim
 from wsim.show.shading import PALETTE
 from wsim.usd import names
@@ -116,11 +117,18 @@ def _separate_smoke_volumes(prims: list[Usd.Prim], folder: str, meters: float, n
     """The prims without volumes and domains of fluids; the volumes that are smoke."""
     volumes = [p for p in prims if p.GetTypeName() == "Volume"]
     others = [p for p in prims if p.GetTypeName() != "Volume"
-              and not {names.WSIM_DOMAIN, names.WSIM_LIQUID} & set(applied_schemas(p))]
+              and not {names.WSIM_DOMAIN, names.WSIM_LIQUID, names.WSIM_DRAIN} & set(applied_schemas(p))
+              and not _is_seen_by_particles(p)]
     if not volumes:
         return others, []
     from wsim.show.smoke.read import read_smoke_volume
     return others, [found for p in volumes if (found := read_smoke_volume(p, folder, meters, notes))]
+
+
+def _is_seen_by_particles(prim: Usd.Prim) -> bool:
+    """Whether a shape is that of particles which a result has beside it."""
+    drops = prim.GetStage().GetPrimAtPath(f"{prim.GetPath()}{DROPS}")
+    return names.WSIM_GRAINS in applied_schemas(prim) and bool(drops) and drops.HasAttribute("points")
 
 
 def _time_codes_of_stage(stage: Usd.Stage, prims: list[Usd.Prim], volumes: list[float]) -> list[float]:

@@ -4,14 +4,14 @@
 from wsim.simulation.duration import percent_of_size
 
 UNITS = {"penetration": "m", "too_near": "m", "overlap": "m", "joint_error": "m", "angle_error": "rad", "divergence": "1/s",
-         "speed": "m/s", "smoke": "m^3", "volume": "m^3", "temperature": "K"}          # by the end of a name
+         "speed": "m/s", "mass": "kg", "smoke": "m^3", "volume": "m^3", "temperature": "K"}          # by the end of a name
 # one of what a number counts, by its name in a report
-NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point",
+NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point", "mpm": "material point",
          "substeps": "substep", "iterations": "iteration"}
 SHOWN = 0.01           # ms a frame of the host: less is in the sum alone
 EARLY = 10             # frames in which graphs are expected to be captured
 WHOLE = ("iterations", "steps", "particles", "asleep", "broken", "in_turn", "searches", "projected", "cut")   # they count
-PLAIN = (*WHOLE, "speed", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
+PLAIN = (*WHOLE, "speed", "mass", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "errors", "picture", "report",
          "total")

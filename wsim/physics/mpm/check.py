@@ -16,6 +16,7 @@ from wsim.physics.mpm.implicit.choice import (
     has_implicit_steps,
     materials_of,
 )
+from wsim.physics.mpm.memory import check_memory
 from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, MaterialSink, Snow, Water
 from wsim.physics.mpm.seeding import coarsened, place_particles
 from wsim.scene import Problem, Scene, Surface, solids
@@ -55,6 +56,7 @@ def check(thing: MaterialPoints | MaterialSink, scene: Scene) -> Iterator[Proble
             return
         if not any(problem.fatal for problem in found):
             yield from check_start(thing, scene)
+            yield from check_memory(thing, scene)
 
 
 def check_material(path: str, m: Any) -> Iterator[Problem]:

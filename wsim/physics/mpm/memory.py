@@ -1,5 +1,6 @@
 """How much memory bodies of particles take, known before any is taken; and the cells that fit where it is too much."""
 
+from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
@@ -9,6 +10,7 @@ from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.physics.mpm.pouring import PouringShape
 from wsim.physics.mpm.seeding import coarsened, fill_shape
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check.objects import object_warning
 
 HOST = 400               # bytes of a particle while they are placed
 KEPT, CONSTANT = 32, 1   # numbers of a particle that outlive a frame, twice there; and that do not
@@ -57,3 +59,14 @@ def refuse_large_bodies(things: list[MaterialPoints], b) -> None:
 
 class _Host:
     is_cuda = False
+
+
+def check_memory(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
+    """A warning of a body that takes more than is free here, in single precision; a GPU may have more."""
+    count = estimated_particles(thing, scene)
+    blocks, there = 2 * (count // (64 * ACROSS**3) + 8), free_device_bytes(_Host)
+    need = particle_bytes(count, 4, False) + block_bytes(blocks, 4, False)
+    if need + HOST * count > SPARE * there:
+        yield object_warning(thing.path, f"about {count:.3g} particles take {(need + HOST * count) / 1e9:.3g} GB",
+                             f"up to {SPARE * there / 1e9:.3g} GB, which are free here",
+                             "give larger cells, or a smaller shape")

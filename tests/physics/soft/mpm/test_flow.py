@@ -7,6 +7,7 @@ import pytest
 
 import wsim
 from wsim.physics.mpm.objects import Granular, Jelly, Pour, Water
+from wsim.scene.check.scene import check_scene
 
 CELL = 0.05
 SOFT = Granular(young=2e4)
@@ -231,8 +232,10 @@ def test_bodies_that_begin_within_solids_are_named():
 
 
 def test_memory_is_told_before_it_is_taken():
-    """3e10 particles: one line with the bytes and the cells that fit, in no time."""
+    """3e10 particles: one line with the bytes and the cells that fit, in no time; a check warns of it."""
     scene = make_scene()
     scene.mpm("/a", wsim.Box((5, 5, 5)), cell=0.0065, material="sand")
+    (said,) = check_scene(scene)
+    assert not said.fatal and "about 3e+10 particles take" in said.text
     with pytest.raises(wsim.SceneError, match=r"/a: about 3e\+10 particles take .* GB, .* fix: give cells of"):
         wsim.Simulation(scene, device="cpu")
