@@ -6,6 +6,7 @@ all take them from then on.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -196,6 +197,10 @@ class SceneCopies:
     def positions(self, path: str) -> np.ndarray:
         """World positions [m] of a body in every copy, (worlds, n, 3)."""
         state, bodies = self.sim.state, [b for b in self.sim.model.bodies if b.path == path]
+        grains: Any = next((m for m in self.sim.plan.methods if hasattr(m, "read_particles")), None)
+        if grains and path in [thing.path for thing in grains.things]:
+            k = [thing.path for thing in grains.things].index(path)
+            return np.stack([grains.read_particles(k, world)["x"] for world in range(self.worlds)])
         if not bodies:                                       # rods
             return np.stack([self.sim.positions(path, world) for world in range(self.worlds)])
         x = state.x.numpy().astype(np.float64) + state.e.numpy()

@@ -8,8 +8,7 @@ ends, and how a scene takes a value.
                           force and traction of loads that stay
     mass                  of a net, whose points keep their proportions
 
-The maps: `wsim.fitting.least_squares.bounds`. A step of the fit, its priors and its error bars live in the mapped space
-(theta), the results in both.
+The maps: `wsim.fitting.least_squares.bounds`. Steps, priors and error bars live in the mapped space (theta), results in both.
 """
 
 from collections.abc import Callable, Iterable
@@ -123,10 +122,11 @@ def _has_value(row: ValueRow, thing, scene: Scene) -> bool:
     """Poisson's ratio is of membranes, and a strain limit is where it is finite from the start."""
     if type(thing).__name__ != row.owner or (isinstance(thing, Load) and thing.name != row.name):
         return False
-    if has_painted_stiffness(thing, row.name.partition("_")[0]):
-        return False                                     # a map of faces, not one number
-    if hasattr(thing, "taken") and thing.taken(row.name) is None and row.name != "mass":
-        return False                                     # no drive, or no collider
+    none = row.gradient == "grains" and (thing.further or not hasattr(thing.material, row.name))      # of its law
+    if none or has_painted_stiffness(thing, row.name.partition("_")[0]):         # a map of faces, not one number
+        return False
+    if hasattr(thing, "taken") and thing.taken(row.name) is None and row.name != "mass":     # no drive, or no collider
+        return False
     return not any(NEEDS[need](thing, row.name, scene) for need in ("membrane", "finite") if need in row.needs)
 
 

@@ -7,7 +7,7 @@
 
 import numpy as np
 
-from wsim.fitting.observations.observe import objects_with_points
+from wsim.fitting.observations.observe import objects_with_points, observed_points
 from wsim.scene import Scene
 
 EXACT = 1e-7
@@ -35,7 +35,7 @@ def _size_of_observed(o, values: np.ndarray, scene: Scene) -> float:
         return float(np.abs(values).max(initial=0.0))
     if hasattr(o, "local"):
         return float(np.ptp(o.local, axis=0).max(initial=0.0))
-    points = next(np.asarray(b.points, np.float64) for b in objects_with_points(scene) if b.path == o.path)
+    points = next(observed_points(b) for b in objects_with_points(scene) if b.path == o.path)
     return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
 
 

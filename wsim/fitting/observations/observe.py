@@ -191,7 +191,7 @@ def closest_on_triangle(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarr
 
 def objects_with_points(scene: Scene) -> list:
     """Objects whose points a fit can observe: cloth, springs, soft bodies, rods."""
-    return [*scene.bodies(), *scene.things("Rods")]
+    return [*scene.bodies(), *scene.things("Rods"), *scene.things("MaterialPoints")]
 
 
 def problems_of_observations(observations: list, scene: Scene) -> list[Problem]:
@@ -215,7 +215,7 @@ def problems_of_observations(observations: list, scene: Scene) -> list[Problem]:
             problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
                                     f"{', '.join(t.path for t in things) or 'none'}"))
             continue
-        count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
+        count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(observed_points(thing))
         texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else \
             _track_faults(o, count) if isinstance(o, Track) else _scan_faults(o, count)
         problems += [Problem(o.path, text) for text in texts]
@@ -225,6 +225,14 @@ def problems_of_observations(observations: list, scene: Scene) -> list[Problem]:
             problems.append(Problem(o.path, f"is observed at frames {o.frames.min()} to {o.frames.max()}; allowed is 1 to "
                                     f"{scene.frames}, the scene's last (frame 0 is given)"))
     return problems
+
+
+def observed_points(thing) -> np.ndarray:
+    """Points of an object at the start (n, 3) [m]; of a body of material points its particles."""
+    if thing.points is not None:
+        return np.asarray(thing.points, np.float64)
+    from wsim.physics.mpm.seeding import place_particles
+    return place_particles(thing).x
 
 
 def unobservable_rods(scene: Scene, scan: bool) -> dict[str, str]:

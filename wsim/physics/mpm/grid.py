@@ -111,15 +111,15 @@ class SparseGrid:
         arrays = [self.slot, self.nodes, self.sums, self.cell_count, g.number, g.near, g.first, g.key]
         return sum(a.capacity for a in arrays) + self.count * (12 + 16 * wp.types.type_size_in_bytes(self.real))
 
-    def set_material(self, row: int, now: Any, before: Any, particles: np.ndarray) -> None:
-        """Gives a row of materials other numbers; the stiffness of its particles, which steps follow, grows with them."""
+    def set_material(self, row: int, now: Any, particles: np.ndarray) -> None:
+        """Gives a row of materials other numbers, and its particles, by which steps are chosen, the stiffness at rest."""
         t = np.float64 if self.real is wp.float64 else np.float32
         for array, value in ((self.materials.numbers, now.numbers()), (self.materials.density, now.density)):
             values = array.numpy()
             values[row] = np.asarray(value, t)
             array.assign(values)
         a = self.points.a.numpy()
-        a[particles] *= wave_stiffness(now) / wave_stiffness(before)
+        a[particles] = wave_stiffness(now)
         self.points.a.assign(a)
 
     def launch(self, kernel: Any, count: int, inputs: list) -> None:

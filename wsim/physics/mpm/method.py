@@ -290,9 +290,9 @@ class MaterialPointMethod(Method):
         if found is None or self.things[found].further or not hasattr(self.things[found].material, name):
             return False
         for of in range(self.model.worlds) if world is None else [world]:
-            before, row = self.material_now(found, of), self.first[found]
-            self.now[of][row] = now = replace(before, **{name: float(value)})
-            self.grid.set_material(of * len(self.materials) + row, now, before, self.part.rows[path, of])
+            row = self.first[found]
+            self.now[of][row] = now = replace(self.now[of][row], **{name: float(value)})
+            self.grid.set_material(of * len(self.materials) + row, now, self.part.rows[path, of])
         return True
 
     def material_now(self, k: int, world: int = 0) -> Any:

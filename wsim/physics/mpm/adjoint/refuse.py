@@ -17,6 +17,9 @@ def refuse_underivable(method: Any, scene: Scene) -> None:
     path = method.things[0].path
     if not method.grid.waves:
         raise gradient_refusal("grown", path, what="takes implicit steps", fix="choose explicit ones")
+    if met := [*scene.bodies(), *scene.things("Body"), *scene.things("Rods")]:
+        raise gradient_refusal("grown", met[0].path, what="stands beside material points and may meet them",
+                               fix="leave it out, or leave out gradients=True")
     if method.flow:
         poured = next(thing for thing in (*method.things, *scene.things("MaterialSink")) if getattr(thing, "pour", True))
         raise gradient_refusal("grown", poured.path, what="has particles that come or go", fix="leave out what pours and takes")
