@@ -215,9 +215,9 @@ def _double_substeps(sim: Simulation, part: str, row: int) -> None:
 def _give_up_frame(sim: Simulation, remedy: Remedy) -> NoReturn:
     """The end of a frame that no step can finish; the simulation stands where it began, and may go on, set otherwise."""
     sim.state.restore_snapshot()
-    from wsim.simulation.measure.diagnose import author_of_row
+    from wsim.simulation.measure.diagnose import author_of_row, place_of_point
     path, where = author_of_row(sim.plan, remedy.part, remedy.row)
-    at = "" if remedy.part != "points" else f" at {sim.state.x.numpy()[remedy.row] + sim.model.body(path).origin} m"
+    at = place_of_point(sim.plan, path, remedy.row) if remedy.part == "points" else ""     # else in `why`
     raise SceneError(Problem(path, f"point {where}{at} {remedy.why}; frame {sim.frame + 1} was given up"))
 
 

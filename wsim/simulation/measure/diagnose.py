@@ -123,6 +123,11 @@ def describe_first_fault(plan: SimulationPlan, substeps: int, substep: int, stag
     return f"first {where}: array {name} ({meaning}) of {row}"
 
 
+def place_of_point(plan: SimulationPlan, path: str, row: int) -> str:
+    """A point's place in words, " at (x, y, z) m"."""
+    return f" at ({', '.join(f'{x:.4g}' for x in plan.state.x.numpy()[row] + plan.model.body(path).origin)}) m"
+
+
 def author_of_row(plan: SimulationPlan, part: str, place: int) -> tuple[str, int]:
     """Path of the body, and number of the author's point (of another part: of the body's row), at a row of a part."""
     model = plan.model
