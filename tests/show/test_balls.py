@@ -75,7 +75,9 @@ def test_the_number_of_balls_may_change(tmp_path):
     (drawn,) = seen.drawn
     assert [len(drawn.points(t)) for t in (0.0, 1.0, 2.0)] == [1, 0, 2]
     assert np.array_equal(finite_points(drawn, 2.0, True).max(axis=0), [1.5, 0.5, 0.5])
-    assert not of_color(look(made, 1.0), 0).any()
+    caster = caster_of_stage(seen, (200, 200))
+    assert not of_color(image_of_stage(caster, seen, 1.0, CAMERA, None).astype(float), 0).any()
+    assert of_color(image_of_stage(caster, seen, 2.0, CAMERA, None).astype(float), 0).any()        # of a run that begins empty
     image = look(made, 2.0)
     assert of_color(image, 0)[:, :100].any() and of_color(image, 1)[:, 100:].any()
 

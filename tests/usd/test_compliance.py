@@ -69,7 +69,7 @@ def test_what_bodies_and_smoke_write_passes(tmp_path, name, more):
 
 @pytest.mark.parametrize("words", [["cloth", "scenes/assets/unisex_shirt.usd", "--ground", "0"],
                                    ["softbody", "scenes/assets/bear_tet.usdc"], ["fluid", "scenes/assets/bunny.usd"],
-                                   ["liquid", "scenes/assets/bunny.usd"], ["rigid"], ["hair"], ["smoke"]])
+                                   ["liquid", "scenes/assets/bunny.usd"], ["rigid"], ["hair"], ["smoke"], ["sand"]])
 def test_what_new_makes_passes(tmp_path, words):
     assert main(["new", *words, "-o", str(tmp_path / "scene.usda")]) == 0
     assert validate(tmp_path / "scene.usda") == []

@@ -4,7 +4,8 @@ from wsim.cli.arguments import parse_height, parse_length, parse_nonempty_name, 
 from wsim.scene.solid import MODELS
 
 STARTERS = {"rigid": "a wall of bricks that a heavy ball rolls into", "hair": "hair on a head that turns to and fro",
-            "smoke": "hot smoke from a ball that moves below another"}       # scenes of their own
+            "smoke": "hot smoke from a ball that moves below another",
+            "sand": "sand that pours into a pile"}                            # scenes of their own
 
 
 def add_new_command(commands) -> None:

@@ -30,6 +30,7 @@ class RayCaster:
     def __init__(self, looks: Sequence[MeshLook], size: tuple[int, int], device=None):
         self.looks, self.size, self.device = list(looks), checked_size(size), kernel_cache.warp_device(device)
         self.mesh: wp.Mesh | None = None
+        self.sized = False
         _load_ray_kernels(self.device)
         h, w = 2 * self.size[1], 2 * self.size[0]
         with wp.ScopedDevice(self.device):
@@ -47,10 +48,11 @@ class RayCaster:
         linear, of each mesh as many as its look has; None: those; clouds: smoke, and its density now (None: there is none);
         tiles: squares show the ground, else its shadows alone; balls: particles."""
         sets = [np.asarray(p, np.float64) for p in points]
-        if self.mesh is None:              # unit of length, kept: what stands still is then drawn the same to the bit
+        if not self.sized:                 # unit of length, kept: what stands still is then drawn the same to the bit
             boxes = [smoke.corners(smoke.times[0] if smoke.times else 0.0) for smoke, _ in clouds]
             sets_of_all = [*sets, *(each.corners() for each in balls)]
             seen = [sets_of_all[k] for k in subjects_in_view(sets_of_all)] + boxes or [np.zeros((1, 3))]
+            self.sized = any(len(p) for p in sets_of_all) or bool(boxes)           # particles may come later
             low, high = np.min([p.min(axis=0) for p in seen], axis=0), np.max([p.max(axis=0) for p in seen], axis=0)
             self.center, self.scale = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-9)
         center, scale = self.center, self.scale

@@ -1,4 +1,4 @@
-"""`wsim new rigid`, `new hair`, `new smoke`: small scenes that need no mesh, run at once and move."""
+"""`wsim new rigid`, `new hair`, `new smoke`, `new sand`: small scenes that need no mesh, run at once and move."""
 
 import numpy as np
 import pytest
@@ -53,3 +53,13 @@ def test_smoke_rises_from_the_burner_on_its_way():
     smoke = sim.fields(air.path)["smoke"].reshape(air.shape)
     x, y, _ = (smoke[..., None] * air.centers()).sum(axis=(0, 1, 2)) / smoke.sum()
     assert y > 0.2 + 0.02 and 0.0 < x < scene.things("Source")[0].motion.at(8.0 / scene.fps)[0, 3]
+
+
+def test_sand_pours_at_its_rate_onto_the_floor():
+    """6 kg/s, to half a particle, and none through the floor."""
+    scene, _ = STARTERS["sand"]()
+    sim = Simulation(scene, device="cpu")
+    sim.run(8)
+    mass = 1600.0 * 0.015**3
+    assert abs(sim.indicators()["mpm_poured_mass"] - 6.0 * 8 / scene.fps) <= 0.501 * mass
+    assert sim.samples()[0].positions[:, 1].min() > 0.0

@@ -2,7 +2,7 @@
 
 The velocity u points along the shape's own axes and turns with it. Columns of edge d = cell / 2 along u go through the shape.
 A particle enters a column where that enters the shape, and goes with u and the shape. They enter one after the other, columns
-in a fixed order that mixes them:
+in a fixed order that mixes them, each a little to the side of the one before:
 
     t_k = start + (k + 1/2) m / rate,  k = 0, 1, 2 ...,  m = density d^3
 
@@ -22,6 +22,8 @@ from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 
+WITHIN = 0.96            # of a column's width, over which particles are spread
+EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
 LOOKS = 4                # times a frame at which a motion is evaluated; it is linear between
 
 
@@ -95,11 +97,17 @@ class PouringShape:
         length = min(self.pour.end, time) - self.pour.start
         return max(0, floor(length / self.interval + 0.5)) if length < inf else 0
 
+    def _scatter(self, k: np.ndarray) -> np.ndarray:
+        """Ways across the columns (n, 3) [m], own frame, up to half a column: else grains of a column would fall on each other
+        and run in rows. Points of the plane that fill it evenly: multiples of powers of the plastic number (Roberts 2018)."""
+        across = velocity_axes(self.velocity)[:, :2]
+        return WITHIN * self.edge * (np.modf(0.5 + np.outer(k, EVENLY))[0] - 0.5) @ across.T
+
     def pour_points(self, first: int, last: int, fps: float) -> PouredPoints:
         """Particles first to last - 1 of all that come."""
         k, thing = np.arange(first, last), self.thing
         t = self.pour.start + (k + 0.5) * self.interval
-        q = self.places[k % len(self.places)]
+        q = self.places[k % len(self.places)] + self._scatter(k)
         look = t * fps * LOOKS
         at, part = np.floor(look).astype(np.int64), (look - np.floor(look))[:, None]
         times, which = np.unique(at, return_inverse=True)

@@ -1,8 +1,9 @@
-"""Small scenes without a mesh, to begin from: `wsim new rigid`, `wsim new hair` and `wsim new smoke`.
+"""Small scenes without a mesh, to begin from: `wsim new rigid`, `wsim new hair`, `wsim new smoke` and `wsim new sand`.
 
     rigid    a wall of bricks that a heavy ball rolls into
     hair     hair on a head that turns to and fro
     smoke    hot smoke from a ball that moves below another
+    sand     sand that pours into a pile
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 from wsim.scene import Box, Plane, Problem, Scene, Sphere
 from wsim.scene.curve import Motion
+from wsim.scene.methods import method_file
 from wsim.usd.load import read_stage
 from wsim.usd.stage import collect_warnings
 from wsim.usd.write import save
@@ -17,7 +19,7 @@ from wsim.usd.write import save
 BRICK = np.array([0.1, 0.05, 0.05])                    # half edges [m]
 LAYERS, ROW = 6, 4                                     # of the wall, and bricks of a layer
 CLAY, STEEL, EMBER = (0.50, 0.14, 0.07), (0.20, 0.24, 0.30), (0.60, 0.12, 0.03)       # linear colours
-SKIN, BROWN = (0.82, 0.66, 0.54), (0.13, 0.06, 0.03)
+SKIN, BROWN, SAND = (0.82, 0.66, 0.54), (0.13, 0.06, 0.03), (0.62, 0.42, 0.20)
 HEAD, STRANDS, POINTS, LENGTH = 0.1, 140, 14, 0.22      # radius [m], strands, points of each, length [m]
 GOLDEN = np.pi * (1.0 + 5.0**0.5)                      # [rad] from strand to strand: they are spread evenly
 
@@ -87,4 +89,13 @@ def build_smoke() -> tuple[Scene, dict[str, tuple]]:
     return scene, {"/World/ball": STEEL, "/World/burner": EMBER}
 
 
-STARTERS = {"rigid": build_wall, "hair": build_hair, "smoke": build_smoke}
+def build_sand() -> tuple[Scene, dict[str, tuple]]:
+    """A ball that pours 6 kg of sand a second on a rough floor, and stops; the colours."""
+    scene, grains = Scene(frames=60), method_file("MaterialPoints", "objects")
+    scene.collider("/World/floor", Plane(), static_friction=0.7, dynamic_friction=0.6)
+    scene.mpm("/World/sand", Sphere(0.05), at=(0.0, 0.4, 0.0), cell=0.03, velocity=(0.0, -1.0, 0.0),
+              material=grains.Granular(young=1e5, friction_angle=0.6), pour=grains.Pour(end=1.8, rate=6.0))
+    return scene, {"/World/sand": SAND}
+
+
+STARTERS = {"rigid": build_wall, "hair": build_hair, "smoke": build_smoke, "sand": build_sand}
