@@ -10,11 +10,10 @@
 twice in a colour, so a colour needs no atomics and does not depend on the order of threads. A kernel reads only what
 its variant needs; the arrays that it does not need may be None.
 
-Three kernels share one formula: `xpbd_projection_kernel` gives a thread to each constraint of a colour, a launch a colour;
+Two kernels share one formula: `xpbd_projection_kernel` gives a thread to each constraint of a colour, a launch a colour;
 `sweep` is one launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in
 turn). Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block each, which goes
-through the colours of its own: their points stay in the caches for all of a sweep. `xpbd_cluster_kernel` is that of a world
-whose colours are larger, by a cluster of blocks.
+through the colours of its own: their points stay in the caches for all of a sweep.
 """
 
 from functools import cache
@@ -79,28 +78,6 @@ def xpbd_sweep_kernel(constraint: Constraint, *, real=wp.float32, module="unique
 
     return o.Batch, wp.kernel(xpbd_sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
                                launch_bounds=block.BLOCK)
-
-
-@cache
-def xpbd_cluster_kernel(constraint: Constraint, blocks: int, threads: int, *, real=wp.float32, module="unique", **kind):
-    """(Batch, kernel) as `xpbd_sweep_kernel`, of one world, by a cluster of so many blocks of threads. Warps take constraints
-    in turn with those of other blocks, so that each multiprocessor has as many."""
-    o = constraint_variant(constraint, real, **kind)
-    vec3, value, PointState, one = o.t.vec3, o.value, point_states(real), one_of(o, False)
-
-    def xpbd_cluster_sweep(batch: o.Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
-                           lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
-        own = wp.tid() // threads
-        thread = wp.tid() - own * threads
-        i = (thread // 32 * blocks + own) * 32 + thread % 32
-        for k in range(colours.shape[0]):
-            colour = colours[k]
-            for c in range(colour[0] + i, colour[0] + colour[1], blocks * threads):
-                one(c, batch, at, rate, omega, lam, d_out, lam_out)
-            block.cluster_barrier()
-
-    return o.Batch, wp.kernel(xpbd_cluster_sweep, name=f"sweep_{o.name}_{blocks}", module=module, enable_backward=False,
-                              grid_stride=False, launch_bounds=threads, cluster_dim=blocks)
 
 
 def one_of(o, backward: bool):

@@ -11,6 +11,7 @@
     executables       what was loaded of a module: whether it was compiled just now. Without: assumed just compiled
     forget_module     makes Warp compile a module anew. Without: what the cache has is loaded once more
     compile_apart     compiles a module without loading it, for several in parallel. Without: one after the other, when loaded
+    source_size       characters that a module calls, by `Adjoint`. Without: modules are compiled in the order of the plan
 
 WSIM_PLAIN_WARP=1 leaves Warp's compiling and recording unchanged, to compare or to find a fault.
 """
@@ -64,3 +65,18 @@ def forget_module(module: wp.Module) -> None:
 def compile_apart(module: wp.Module, device, block: int | None) -> None:
     """Compiles a module into the cache. Raises AttributeError where this Warp cannot."""
     module._compile(device, options=module.resolved_options[block])                # of the hash that is the name of its folder
+
+
+def source_size(module: wp.Module) -> int:
+    """Characters of the source of a module's kernels and of all functions that they call; 0: unknown."""
+    try:
+        left: list[Any] = [kernel.adj for kernel in module.kernels.values()]
+        seen: dict[int, int] = {}
+        while left:
+            adj = left.pop()
+            if id(adj) not in seen:
+                seen[id(adj)] = len(adj.source)
+                left += [function.adj for function in adj.get_references()[2] if getattr(function, "adj", None) is not None]
+        return sum(seen.values())
+    except AttributeError:
+        return 0

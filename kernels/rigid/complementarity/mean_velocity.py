@@ -21,6 +21,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import rig_type, rim_axis_functions
 from wsim.kernels.rigid.impulse import impulse_formulas
@@ -64,6 +65,7 @@ def mean_velocity_funcs(real):
         square = h * h * wp.max(wp.dot(two.o_a, two.o_a), wp.dot(two.o_b, two.o_b))
         return square > real(TURNS) * real(TURNS) and square < real(1.0)
 
+    @standalone_function
     @wp.func(inline=False)
     def mean_velocity_change(two: Two, m: int, j: int, h: real, rig: Rig):
         n = rig.c.n[m]

@@ -142,6 +142,7 @@ def shape_extent_funcs(real):
             r = s.size[0]
         return r
 
+    @standalone_function
     @wp.func(inline=False)
     def bounding_size(s: Shape, H: Hulls):
         r = s.size[0]

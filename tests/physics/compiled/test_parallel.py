@@ -93,3 +93,26 @@ def test_what_goes_wrong_is_said_by_the_load(cache, monkeypatch):
             kernel_cache.load_kernel_module(NAMES[0], kernel_cache.warp_device("cpu"))
     forget()
     assert loaded() == [[1, 2], [2, 3]]
+
+
+def test_what_kernels_call_counts_for_the_size_of_a_module():
+    """Once, however often it is called."""
+    from wsim.model import warp_private
+
+    @wp.func
+    def doubled(x: float):
+        return 2.0 * x
+
+    def made(module: str, body):
+        return warp_private.source_size(wp.kernel(body, module=wp.get_module(module)).module)
+
+    def calls_once(a: wp.array(dtype=float)):
+        a[wp.tid()] = doubled(a[wp.tid()])
+
+    def calls_not(a: wp.array(dtype=float)):
+        a[wp.tid()] = 2.0 * a[wp.tid()] + 1234567.0
+
+    def calls_many(a: wp.array(dtype=float)):
+        a[wp.tid()] = doubled(doubled(doubled(a[wp.tid()])))
+    once, none, many = (made(f"sized_{body.__name__}", body) for body in (calls_once, calls_not, calls_many))
+    assert once > none and 0 < many - once < 40

@@ -56,7 +56,9 @@ def test_a_sheet_that_slides_on_a_mesh(shape, solver):
     assert plain.indicators()["contacts"] >= 4
     assert np.abs(plain.positions() - run.recording.positions(FRAMES)).max() < 1e-11
     run.by("positions", 1e-8)
-    run.by("velocities", 1e-7)                  # at 1e-6 the plane's differences reach a kink: 2e-6 off, 1e-4 at 2e-6
+    # At 1e-6 the plane's differences reach a kink: 2e-6 off, 1e-4 at 2e-6. On the mesh that deforms the slope is 2e-3, and what
+    # is lost of losses near 1 to rounding is 1e-6 of it at 1e-7: the adjoint and differences at 1e-6 are 2e-8 apart.
+    run.by("velocities", 1e-6 if (shape, solver) == ("deforming", "xpbd") else 1e-7)
 
 
 @pytest.mark.parametrize("shape, solver", SCENES)

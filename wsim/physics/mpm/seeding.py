@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wsim.geometry.triangulate import triangulate_polygons
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.physics.mpm.pouring import PouredPoints
+from wsim.physics.particles.lattice import index_block, indices_inside_mesh
 from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 
@@ -50,12 +50,6 @@ def coarsened(thing: MaterialPoints, across: int) -> MaterialPoints:
     return replace(thing, cell=max(thing.cell, float((high - low).max()) / across))
 
 
-def index_block(begin: np.ndarray, end: np.ndarray, stride: int = 1) -> np.ndarray:
-    """Whole numbers from begin up to end, three a row (n, 3), z fastest."""
-    return np.stack(np.meshgrid(*(np.arange(a, b, stride) for a, b in zip(begin, end, strict=True)), indexing="ij"),
-                    -1).reshape(-1, 3)
-
-
 def lattice_within(distance: Callable, begin: np.ndarray, end: np.ndarray, edge: float) -> np.ndarray:
     """Indices (n, 3) of lattice points (index + 1/2) edge where distance(x) < 0, in the order of their numbers. Blocks whose
     middle is farther from the shape than their corners are left out unseen: a long box takes no more memory than its points."""
@@ -81,11 +75,8 @@ def fill_shape(thing: MaterialPoints) -> np.ndarray:
         def distance(x: np.ndarray) -> np.ndarray:
             return shape_row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) + SKIN * thing.cell
         return (lattice_within(distance, begin, end, edge) + 0.5) * edge
-    from wsim.geometry.tetra.inside import AxisRays
-    index = index_block(begin, end)
-    triangles = triangulate_polygons(shape.points, shape.counts, shape.indices)[0]
-    points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3]) / edge - 0.5
-    return (index[AxisRays(points, triangles, begin, end - 1).inside(index)] + 0.5) * edge
+    inside = indices_inside_mesh(shape, M, begin, end, lambda x: x / edge - 0.5)
+    return (index_block(begin, end)[inside] + 0.5) * edge
 
 
 def place_particles(thing: MaterialPoints) -> PlacedPoints:

@@ -7,7 +7,6 @@ import warp as wp
 
 from wsim.geometry.sheet_ordering import lowest_point_of_constraint
 from wsim.geometry.topology import order_of
-from wsim.kernels.math.block import CLUSTERS
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import point_states
 from wsim.kernels.solver import xpbd as kernels
@@ -22,8 +21,6 @@ from wsim.physics.cloth.table import ConstraintTable
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
                       # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
                       # worlds of 1k points, a frame of one: 2.9 us by blocks of 512 threads, 3.1 of 256, 4.6 of 128
-CLUSTER = 0            # constraints of a colour up to which a cluster of blocks takes all colours, on a GPU that has clusters
-TEAM = 128             # threads of a block of a cluster
 PACKED = True          # membranes and hinges by eights on a CPU: tests compare
 
 
@@ -46,7 +43,6 @@ class ColouredBatch(ConstraintTable):
         self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or largest <= FUSE)
         self.packed = PACKED and self.fused and model.device.is_cpu and self.row.packets and self.kind != "distance"
         self.packed = self.packed and not model.gradients             # eight constraints at a time
-        self.cluster = self._cluster_blocks(largest)
         self.remade = False
         self.adjoint: Any = None
         _, self.kernel = self.make()
@@ -61,14 +57,6 @@ class ColouredBatch(ConstraintTable):
         if sheet:
             self.curve()
         self.adjoint = beside(model, "wsim.physics.solver.xpbd", "SweepAdjoint", self, model)
-
-    def _cluster_blocks(self, largest: int) -> int:
-        """Blocks of the cluster that takes all colours of one world in a launch; 0: another form does."""
-        model = self.model
-        if self.fused or model.fuser or self.worlds > 1 or model.gradients or not largest <= CLUSTER:
-            return 0
-        from wsim.physics.motion.fast_paths.cluster import has_large_clusters
-        return 16 if has_large_clusters(model.device) else 8 if model.device.arch >= CLUSTERS else 0
 
     def one(self) -> bool:
         """True if all have the same compliance and relaxation time."""
@@ -115,8 +103,6 @@ class ColouredBatch(ConstraintTable):
         model = self.model
         kind = {"real": model.real, "multipliers": self.multipliers, "damped": self.damped, "uniform": self.uniform,
                 "exact": model.gradients}
-        if self.cluster:
-            return kernels.xpbd_cluster_kernel(self.row.equation, self.cluster, TEAM, module=model.module_of(TEAM), **kind)
         if not self.fused:
             return kernels.xpbd_projection_kernel(self.row.equation, module=model.module, **kind)
         if self.packed:

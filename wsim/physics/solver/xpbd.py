@@ -23,7 +23,7 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.cloth.constraints import Constraints, apply_live_value, coloured_constraints
 from wsim.physics.cloth.kind import SPRINGS, named_kinds
-from wsim.physics.solver.batch import TEAM, ColouredBatch
+from wsim.physics.solver.batch import ColouredBatch
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -58,7 +58,7 @@ class Xpbd(Method):
         for batch in self.batches:
             batch.data.w = points.constants.w
             colours = len(batch.starts) - 1
-            launches = (1 if batch.fused or batch.cluster else colours) + 3 * (batch.curvature is not None)
+            launches = (1 if batch.fused else colours) + 3 * (batch.curvature is not None)
             self.stages.append(Stage(
                 batch.kind, "solve", partial(self.project, batch), launches, batch.bytes, "iteration",
                 f"{batch.size} constraints in {colours} colours"))
@@ -169,10 +169,6 @@ class Xpbd(Method):
         if batch.fused:
             self.model.sweep(batch.kernel, [batch.data, at, batch.colours, 1.0 / clock.effective_step, omega, batch.lam],
                              [s.d, batch.lam], batch.worlds)
-            return
-        if batch.cluster:
-            self.model.launch_blocks(batch.kernel, batch.cluster, TEAM, [batch.data, at, batch.colours,
-                                     1.0 / clock.effective_step, omega, batch.lam], [s.d, batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),

@@ -4,6 +4,8 @@ Sheets store 1/2 bend |S|^2 per area, S the curvature that the angles of hinges 
 mesh (cloth/bending.py). A hinge alone is at least as stiff.
 """
 
+from typing import cast
+
 import numpy as np
 
 from wsim.geometry import topology
@@ -17,9 +19,8 @@ SLACK = 1e-20          # bend [N m] that is none, whose root still has a derivat
 
 
 def hinge_constraints(body: PointBody, pinned: np.ndarray) -> list[Constraints]:
-    assert isinstance(body.source, Cloth)
     found = topology.hinges_of_triangles(body.triangles)
-    return [_build_hinges(body, body.source, found, pinned)] if len(found) else []
+    return [_build_hinges(body, cast(Cloth, body.source), found, pinned)] if len(found) else []
 
 
 def _build_hinges(body: PointBody, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) -> Constraints:

@@ -6,6 +6,7 @@ each strained by half the shear angle, carry 2 shear A / l^2 instead.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -14,24 +15,25 @@ from wsim.kernels.cloth.constraint import DISTANCE
 from wsim.model.model import PointBody
 from wsim.physics.cloth.constraints import Constraints, rest_distances
 from wsim.physics.cloth.kind import SPRINGS, ClothConstraintKind
-from wsim.scene import Cloth, Springs
+
+if TYPE_CHECKING:
+    from wsim.scene import Cloth, Springs
 
 
 def spring_constraints(body: PointBody, pinned: np.ndarray) -> list[Constraints]:
     source = body.source
-    if isinstance(source, Springs):
-        return _net_springs(body, source)
-    assert isinstance(source, Cloth)
-    return _cloth_edge_springs(body, source)
+    if source.is_net:
+        return _net_springs(body, cast("Springs", source))
+    return _cloth_edge_springs(body, cast("Cloth", source))
 
 
-def _net_springs(body: PointBody, net: Springs) -> list[Constraints]:
+def _net_springs(body: PointBody, net: "Springs") -> list[Constraints]:
     rest = rest_distances(body, body.edges) if net.lengths is None else net.lengths.astype(np.float64)
     return [Constraints("distance", body.edges, rest, np.ones(len(rest)),
                         {"stiffness": net.stiffness.astype(np.float64)}, net.damping)]
 
 
-def _cloth_edge_springs(body: PointBody, cloth: Cloth) -> list[Constraints]:
+def _cloth_edge_springs(body: PointBody, cloth: "Cloth") -> list[Constraints]:
     fabric, found = cloth.material, []
     for net in cloth_spring_groups(body, topology.hinges_of_triangles(body.triangles)):
         stiffness = getattr(fabric, net.parameter)
@@ -109,7 +111,7 @@ def spring_slopes(r: Constraints, body: PointBody) -> np.ndarray:
 def spring_rest_gradient(shape, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None) -> None:
     """Rest values and shapes of a cloth, whose shapes are l^2 / A, too; a net may have lengths of its own."""
     body, source = shape.body, shape.body.source
-    if isinstance(source, Cloth):
+    if source.is_sheet:
         shape.lengths(r.ids, by_rest)
         net = next(n for n in cloth_spring_groups(body, topology.hinges_of_triangles(body.triangles))
                    if n.parameter in r.stiffness)

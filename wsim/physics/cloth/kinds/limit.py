@@ -6,12 +6,10 @@ from wsim.kernels.cloth.constraint import LIMIT
 from wsim.model.model import PointBody
 from wsim.physics.cloth.constraints import Constraints, no_compliance, rest_distances
 from wsim.physics.cloth.kind import ClothConstraintKind
-from wsim.scene import Cloth
 
 
 def limit_constraints(body: PointBody, pinned: np.ndarray) -> list[Constraints]:
-    assert isinstance(body.source, Cloth)
-    limit = {"strain_limit": np.array([body.source.material.strain_limit])}
+    limit = {"strain_limit": np.array([body.source.material_number("strain_limit")])}
     return [Constraints("limit", body.edges, limit_lengths(body, body.edges, limit), np.zeros(len(body.edges)), limit)]
 
 

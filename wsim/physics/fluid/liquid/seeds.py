@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wsim.geometry.triangulate import triangulate_polygons
 from wsim.physics.contact.collider.point_cloud import PointCloud, fill_lattice
 from wsim.physics.contact.collider.table import collider_shape_kind
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid, LiquidSource
 from wsim.physics.fluid.shells import body_shells
+from wsim.physics.particles.lattice import index_block, indices_inside_mesh
 from wsim.scene import Scene, Surface
 from wsim.scene.solids import shape_row
 
@@ -31,16 +31,12 @@ def lattice_inside_shape(thing, first: np.ndarray, edge: np.ndarray, low: np.nda
                          margin: float) -> np.ndarray:
     """True where places first + edge * k, low <= k < high, are inside the shape of a thing at the start, (places,) bool; beside
     a convex one less than margin [m], which below 0 is within."""
-    index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1).reshape(-1, 3)
     M, shape = thing.motion.at(0.0), thing.shape
     if isinstance(shape, PointCloud):
         return fill_lattice(shape, M, first, edge, low, high, margin)
     if not isinstance(shape, Surface):
-        return shape_row(shape).distance(shape, (first + edge * index - M[:3, 3]) @ M[:3, :3]) < margin
-    from wsim.geometry.tetra.inside import AxisRays
-    triangles = triangulate_polygons(shape.points, shape.counts, shape.indices)[0]
-    points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3] - first) / edge
-    return AxisRays(points, triangles, low, np.asarray(high) - 1).inside(index)
+        return shape_row(shape).distance(shape, (first + edge * index_block(low, high) - M[:3, 3]) @ M[:3, :3]) < margin
+    return indices_inside_mesh(shape, M, low, high, lambda x: (x - first) / edge)
 
 
 def lattice_slabs(count: tuple[int, ...]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -64,8 +60,7 @@ def filled_places(liquid: Liquid, scene: Scene, count: tuple[int, ...]) -> Itera
         for collider in met:
             if full.any() and collider_shape_kind(collider.shape) != "sheet":
                 full &= ~lattice_inside_shape(collider, first, edge, low, high, SKIN * liquid.cell)
-        index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1)
-        yield (first + edge * index.reshape(-1, 3))[full], v[full]
+        yield (first + edge * index_block(low, high))[full], v[full]
 
 
 def particle_seeds(liquid: Liquid, scene: Scene) -> tuple[np.ndarray, np.ndarray]:

@@ -6,10 +6,12 @@ import numpy as np
 
 from wsim.physics.mpm.objects import MaterialPoints
 
-IMPLICIT_MATERIALS = "sand alone"
+IMPLICIT_MATERIALS = "sand alone, or jelly and snow"
 INTEGRATORS = ("auto", "explicit", "implicit")
 COURANT = 0.5              # cells that a wave may cross in a step, as kernels/particles/mpm/motion.py
 SAND_STEPS = 200           # explicit steps of a frame, above which sand takes implicit ones
+ELASTIC_STEPS = 2000       # and jelly and snow, which implicit steps damp
+ELASTIC = {"neo_hookean", "corotational", "snow"}
 
 
 def materials_of(things: list[MaterialPoints]) -> list:
@@ -26,8 +28,9 @@ def explicit_steps(material: Any, cell: float, fps: float) -> tuple[float, float
 
 
 def has_implicit_steps(things: list[MaterialPoints]) -> bool:
-    """True if there are implicit steps for what the bodies are made of: sand alone."""
-    return all(material.law == "sand" for material in materials_of(things))
+    """True if there are implicit steps for what the bodies are made of: sand alone, or jelly and snow."""
+    laws = {material.law for material in materials_of(things)}
+    return laws == {"sand"} or laws <= ELASTIC
 
 
 def chosen_integrator(things: list[MaterialPoints], fps: float) -> str:
@@ -37,7 +40,8 @@ def chosen_integrator(things: list[MaterialPoints], fps: float) -> str:
     if asked:
         return asked.pop()
     most = max(explicit_steps(material, things[0].cell, fps)[0] for material in materials_of(things))
-    return "implicit" if has_implicit_steps(things) and most > SAND_STEPS else "explicit"
+    limit = SAND_STEPS if things[0].material.law == "sand" else ELASTIC_STEPS
+    return "implicit" if has_implicit_steps(things) and most > limit else "explicit"
 
 
 def grid_class(things: list[MaterialPoints], fps: float, gradients: bool) -> Any:
@@ -47,5 +51,8 @@ def grid_class(things: list[MaterialPoints], fps: float, gradients: bool) -> Any
     if chosen_integrator(things, fps) == "explicit" or gradients and not asked:
         from wsim.physics.mpm.grid import SparseGrid
         return SparseGrid
-    from wsim.physics.mpm.implicit.granular import GranularGrid
-    return GranularGrid
+    if things[0].material.law == "sand":
+        from wsim.physics.mpm.implicit.granular import GranularGrid
+        return GranularGrid
+    from wsim.physics.mpm.implicit.elastic import ElasticGrid
+    return ElasticGrid

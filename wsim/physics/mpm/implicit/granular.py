@@ -57,6 +57,8 @@ class GranularGrid(explicit.SparseGrid):
         threads = min(self.count, explicit.MEASURERS if self.cuda else 1)
         self.launch(self.by_grain.measure_speed, threads,
                     [self.points, self.materials, real(self.dx), real(dt), threads, self.pace])
+        if self.flow:
+            self.flow.launch_frame(self)
         self.launch(self.by_step.begin_steps, 1, [real(dt), self.more, self.pace, self.clock, self.going])
         self.run_steps(dt, word)
 

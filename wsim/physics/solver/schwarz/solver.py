@@ -15,7 +15,6 @@ from wsim.kernels.solver.schwarz import cg, domains, residual, setup
 from wsim.kernels.solver.schwarz.dense import SIDE
 from wsim.model.model import Model, PointBody
 from wsim.physics.solver.schwarz import tree as trees
-from wsim.scene import Cloth
 
 # (points of a body from which on, least kappa). CPU, a shirt of 6436 points, a solve to 1e-2 with its matrices, beside block
 # Jacobi: kappa 10: 21 iterations for 71, 135 ms for 84; 41: 50 for 221, 224 for 330; 163: 106 for 494, 433 for 800
@@ -45,9 +44,7 @@ def stretch_wave_edges(body: PointBody, h: float) -> float:
     """kappa of a sheet: edges that a wave of stretch passes in h [s], at most all there are."""
     p = body.rest[body.edges - body.first]
     edge = float(np.linalg.norm(p[:, 1] - p[:, 0], axis=1).mean())
-    source = body.source
-    assert isinstance(source, Cloth)
-    stiff = float(np.max(source.material.stretch))
+    stiff = float(body.source.material_number("stretch"))
     area = np.linalg.norm(np.cross(*(body.rest[body.triangles[:, k] - body.first] - body.rest[body.triangles[:, 0] - body.first]
                                      for k in (1, 2))), axis=1).sum() / 2.0
     return min(h * (stiff * float(area) / float(body.masses.sum()))**0.5, float(np.ptp(body.rest, axis=0).max())) / edge

@@ -1,0 +1,143 @@
+"""Nodes of implicit elastic steps: velocities without stress, and the colliders that they are within.
+
+A node within a collider that is pressed keeps its normal velocity. Coulomb friction is a drag, see elastic_solve.py. Between
+two colliders that press it, a node stays with the deeper one.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.contact.collider.colliders import collider_type
+from wsim.kernels.contact.collider.table import collider_queries
+from wsim.kernels.contact.mesh import SHEET
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.tables import CELLS, point_tables
+from wsim.kernels.particles.mpm.transfers import node_function
+from wsim.kernels.particles.mpm.walls import HALF, NEAR, ON, wall_functions
+
+OUTSIDE, FREE, SLIDES, STICKS = -1.0, 0.0, 1.0, 2.0    # of a node: outside of colliders, not pressed, pressed, between two
+
+
+@cache
+def node_rows(real):
+    """Struct of what nodes carry, (nodes,) each."""
+    t = types(real)
+
+    @wp.struct
+    class NodeRows:
+        star: wp.array(dtype=t.vec4)       # velocity without stress [m/s], mass [kg]
+        v: wp.array(dtype=t.vec4)          # velocity [m/s], and 1 where a collider is near
+        f: wp.array(dtype=t.vec4)          # impulses that particles add on a CPU [kg m/s]
+        r: wp.array(dtype=t.vec4)          # residual [kg m/s]
+        z: wp.array(dtype=t.vec4)          # [m/s]
+        w: wp.array(dtype=t.vec4)          # [kg m/s]
+        p: wp.array(dtype=t.vec4)          # [m/s]
+        s: wp.array(dtype=t.vec4)          # [kg m/s]
+        y: wp.array(dtype=t.vec4)          # change of v [m/s]
+        hold: wp.array(dtype=t.vec4)       # normal of the collider, and OUTSIDE, FREE, SLIDES or STICKS
+        wall: wp.array(dtype=t.vec4)       # its velocity [m/s], dynamic friction
+        rub: wp.array(dtype=real)          # its static friction
+        load: wp.array(dtype=real)         # impulse of the collider along the normal [kg m/s]
+        drag: wp.array(dtype=real)         # impulse of friction over the velocity that the node slides by [kg]
+
+    return NodeRows
+
+
+@cache
+def solve_functions(real) -> SimpleNamespace:
+    """head(a): the vector of a row; filtered(hold, a): a without what colliders hold."""
+    t = types(real)
+
+    @wp.func
+    def head(a: t.vec4):
+        return t.vec3(a[0], a[1], a[2])
+
+    @wp.func
+    def filtered(hold: t.vec4, a: t.vec3):
+        found = a
+        n = head(hold)
+        if hold[3] == real(STICKS):
+            found = t.vec3()
+        elif hold[3] == real(SLIDES):
+            found = a - wp.dot(a, n) * n
+        return found
+
+    @wp.func
+    def row(a: t.vec3, last: real):
+        return t.vec4(a[0], a[1], a[2], last)
+
+    return SimpleNamespace(head=head, filtered=filtered, row=row)
+
+
+@cache
+def start_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
+    """Kernel over nodes: velocities without stress, and the collider that each is within."""
+    t, T, N, Colliders = types(real), point_tables(real), node_rows(real), collider_type(real)
+    gather, wall, f, walls = node_function(real), wall_functions(kinds, real), solve_functions(real), bool(kinds)
+    ask = collider_queries(kinds or ("sphere",), real)
+
+    @wp.func
+    def find_wall(c: Colliders, y: t.vec3, time: real, dx: real, v: t.vec3, mass: real, n: int, nodes: N):
+        """v, held by the deepest collider; its row is kept."""
+        near = real(0.0)
+        state = real(OUTSIDE)
+        deepest = real(1.0e30)
+        normal = t.vec3()
+        held = v
+        for k in range(c.kind.shape[0]):
+            phi, m, p = ask.closest(c, k, y, time)
+            if phi < real(NEAR) * dx:
+                near = real(1.0)
+            surface = real(ON) * dx
+            if c.kind[k] == SHEET:
+                surface = real(HALF) * dx
+            if phi <= surface:
+                u = ask.rate(c, k, y, time)
+                into = wp.dot(held - u, m)
+                both = state > real(FREE) and into < real(0.0)
+                if phi < deepest:
+                    deepest = phi
+                    normal = m
+                    nodes.wall[n] = f.row(u, c.friction[k][1])
+                    nodes.rub[n] = c.friction[k][0]
+                state = wp.max(state, real(FREE))
+                if into < real(0.0):
+                    nodes.load[n] = -mass * into
+                    held -= into * m
+                    state = real(SLIDES)
+                if both:                                       # a corner of two: it stays with the deeper
+                    held = f.head(nodes.wall[n])
+                    state = real(STICKS)
+                    nodes.rub[n] = real(1.0e30)
+        nodes.hold[n] = f.row(normal, state)
+        return held, near
+
+    def start_nodes(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,
+                    clock: wp.array(dtype=real), nodes: N):
+        n = wp.tid()
+        b = n // CELLS
+        if b >= wp.min(g.used[0], g.key.shape[0]):
+            return
+        sum = t.vec4()
+        if wp.static(cpu):                                     # noqa: SIM108 - one of them is compiled
+            sum = nodes.f[n]
+        else:
+            sum = gather(g, sums, b, n % CELLS)
+        v = t.vec3()
+        near = real(0.0)
+        star = t.vec4()
+        nodes.hold[n] = t.vec4(real(0.0), real(0.0), real(0.0), real(OUTSIDE))
+        if sum[3] > real(0.0):
+            world = int(g.key[b] >> wp.int64(3 * g.bits))
+            v = f.head(sum) / sum[3] + clock[0] * materials.gravity[world]
+            star = f.row(v, sum[3])
+            if wp.static(walls):
+                v, near = find_wall(c, wall.node_place(g, b, n % CELLS), clock[0] + clock[1], g.dx, v, sum[3], n, nodes)
+        nodes.star[n] = star
+        nodes.drag[n] = real(0.0)
+        nodes.v[n] = f.row(v, near)
+
+    return wp.kernel(start_nodes, name=f"mpm_start_nodes_{'_'.join(kinds)}_{'cpu_' * cpu}{t.name}", module=module,
+                     enable_backward=False)
