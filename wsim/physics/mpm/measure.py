@@ -33,6 +33,9 @@ def measure_bodies(method: Any) -> dict[str, float]:
              "mpm_momentum": float(np.linalg.norm(m @ v)),
              "mpm_speed": float(np.sqrt(np.max(np.sum(v * v, axis=1), initial=0.0))),
              "mpm_steps": float(said[3]), "mpm_cell_particles": float(said[1])}
+    if not method.grid.waves:
+        iterations, _, worst = method.status.said("mpm: solve")
+        found |= {"mpm_iterations": float(iterations), "mpm_residual": float(worst) / 100.0}
     if method.grid.colliders:
         found["mpm_penetration"] = deepest_point(method.grid.colliders.things, x, method.time)
     if method.flow:

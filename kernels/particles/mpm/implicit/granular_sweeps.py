@@ -34,7 +34,7 @@ MOST_PARTS = wp.constant(1.0e12)   # of them that one cell may count
 def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
     """Kernels: sweep_color over 8 cells a block; hold_corners over corners."""
     t, T, sand, contact = types(real), point_tables(real), granular_tables(real), contact_functions(kinds, real)
-    vec6, vec8i = wp.types.vector(6, real), wp.types.vector(8, int)
+    vec6, vec8i, mat84 = wp.types.vector(6, real), wp.types.vector(8, int), wp.types.matrix((8, 4), real)
 
     @wp.func
     def size_squared(S: vec6):
@@ -93,7 +93,9 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
 
     @wp.func
     def gather_strain(corners: sand.SandCorners, rows: vec8i, part: real):
-        """Rate of strain [1/s] in the middle of a cell, and part^2 times its answer to an impulse; part: 1 / (4 dx)."""
+        """Rate of strain [1/s] in the middle of a cell, part^2 times its answer to an impulse, and the corners' velocities and
+        inverse masses; part: 1 / (4 dx)."""
+        found = mat84()
         x = t.vec3()
         y = t.vec3()
         z = t.vec3()
@@ -101,7 +103,10 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
         half = real(0.5)
         for n in range(8):
             v = corners.v[rows[n]]
-            a = corners.free[rows[n]]
+            found[n] = v
+            a = t.vec3(v[3])
+            if v[3] < real(0.0):
+                a = corners.free[rows[n]]
             u = t.vec3(v[0], v[1], v[2])
             d = real(2 * (n // 4) - 1)
             e = real(2 * ((n // 2) % 2) - 1)
@@ -112,10 +117,10 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
             Q += vec6(a[0], a[1], a[2], half * e * f * (a[1] + a[2]), half * f * d * (a[2] + a[0]),
                       half * d * e * (a[0] + a[1]))
         D = part * vec6(x[0], y[1], z[2], half * (y[2] + z[1]), half * (z[0] + x[2]), half * (x[1] + y[0]))
-        return D, (part * part) * Q
+        return D, (part * part) * Q, found
 
     @wp.func
-    def push_corners(corners: sand.SandCorners, rows: vec8i, S: vec6, push: real):
+    def push_corners(corners: sand.SandCorners, rows: vec8i, at: mat84, S: vec6, push: real):
         """Adds the impulse of a cell's stress; colliders take what they do not let a corner follow."""
         for n in range(8):
             row = rows[n]
@@ -123,11 +128,12 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
             e = push * real(2 * ((n // 2) % 2) - 1)
             f = push * real(2 * (n % 2) - 1)
             force = t.vec3(S[0] * d + S[5] * e + S[4] * f, S[5] * d + S[1] * e + S[3] * f, S[4] * d + S[3] * e + S[2] * f)
-            dv = wp.cw_mul(corners.free[row], force)
-            v = corners.v[row]
+            v = at[n]
+            dv = v[3] * force
+            if v[3] < real(0.0):
+                dv = wp.cw_mul(corners.free[row], force)
+                corners.held[row] = corners.held[row] + dv + v[3] * force
             corners.v[row] = v + t.vec4(dv[0], dv[1], dv[2], real(0.0))
-            if corners.count[row] > 0:
-                corners.held[row] = corners.held[row] + dv - v[3] * force
 
     def sweep_color(g: T.BlockGrid, cells: sand.SandCells, corners: sand.SandCorners, color: int, omega: real, tolerance: real,
                     clock: wp.array(dtype=real), total: wp.array(dtype=wp.int64)):
@@ -144,7 +150,7 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
         rule = cells.rule[cell]
         h = clock[0]
         part = real(0.25) / g.dx
-        D, Q = gather_strain(corners, rows, part)
+        D, Q, at = gather_strain(corners, rows, part)
         if Q[0] + Q[1] + Q[2] <= real(0.0):                    # colliders hold all its corners
             return
         diagonal = cells.S[cell]
@@ -153,7 +159,7 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
                           h, omega)
         cells.S[cell] = diagonal + t.vec3(S[0], S[1], S[2])
         cells.R[cell] = shear + t.vec3(S[3], S[4], S[5])
-        push_corners(corners, rows, S, h * rule[0] * part)
+        push_corners(corners, rows, at, S, h * rule[0] * part)
         if tolerance > real(0.0):
             r = h / (omega * tolerance)
             more = r * r * size_squared(wp.cw_mul(w, S))
@@ -172,7 +178,7 @@ def sweep_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
         held, along = contact.hold_corner(contacts, row, count, free, clock[0])
         corners.v[row] = t.vec4(held[0], held[1], held[2], v[3])
         corners.held[row] = held - free
-        corners.free[row] = v[3] * along
+        corners.free[row] = -v[3] * along
 
     made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
             for k in (sweep_color, hold_corners)}

@@ -32,7 +32,7 @@ def granular_tables(real) -> SimpleNamespace:
 
     @wp.struct
     class SandCorners:
-        v: wp.array(dtype=t.vec4)          # velocity [m/s], and 1 / mass [1/kg]; 0: no particle reaches it
+        v: wp.array(dtype=t.vec4)          # velocity [m/s], 1 / mass [1/kg], negative where a collider may hold it
         held: wp.array(dtype=t.vec3)       # change of velocity by colliders [m/s]
         free: wp.array(dtype=t.vec3)       # 1 / mass that colliders leave it along each axis [1/kg]
         count: wp.array(dtype=int)         # colliders that may hold it; -1: none is near

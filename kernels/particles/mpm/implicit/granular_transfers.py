@@ -139,9 +139,11 @@ def sand_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
             if wp.static(walls):
                 place = wall.node_place(g, b, at) - t.vec3(real(0.5) * g.dx)
                 count = contact.find_contacts(c, place, clock[0] + clock[1], g.dx, row, contacts)
-        corners.v[row] = v
         corners.count[row] = count
         corners.free[row] = t.vec3(v[3])
+        if count > 0:
+            v[3] = -v[3]
+        corners.v[row] = v
         corners.held[row] = t.vec3()
 
     def move_grains(g: T.BlockGrid, cells: sand.SandCells, corners: sand.SandCorners, c: Colliders, clock: wp.array(dtype=real),

@@ -62,6 +62,7 @@ def test_a_block_rests_under_its_weight():
               material=Granular(friction_angle=0.6, cohesion=1e4))
     simulation = wsim.Simulation(scene, device="cpu")
     method = find_method(simulation)
+    method.grid.tolerance, method.grid.most = 1e-4, 400
     x = simulation.samples()[0].positions
     simulation.run(6)
     pressed = -method.part.arrays["T"].numpy()[method.place][:, 1]

@@ -17,8 +17,9 @@ from wsim.kernels.particles.mpm.implicit.granular_transfers import sand_kernels
 from wsim.kernels.particles.mpm.tables import CELLS
 from wsim.model.structs import fill_struct
 
-TOLERANCE = 1e-4           # root mean square of the strain of a step that sweeps leave [1]
-MOST_SWEEPS = 400          # of a step
+TOLERANCE = 1e-3           # root mean square of the strain of a step that sweeps leave [1]; column, a = 1: run-out 1.795 L0,
+                           # with 1e-4 and 400 sweeps 1.796, in a tenth of the time
+MOST_SWEEPS = 100          # of a step
 GROUP = 10                 # sweeps between looks at the residual
 OMEGA = 1.0                # over-relaxation
 
