@@ -72,6 +72,7 @@ class Scene(ArrayDataclass):
     integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
     contact_width   distance over which contacts are soft [m]; 0: hard contacts
     contact_tolerance   residual of rigid contacts at which sweeps end [m/s]; 0: after `iterations`
+    coordinates     of bodies with joints: "auto", "maximal" (each body has six) or "reduced" (those of the joints)
     sleep_speed     speed of rigid bodies under which an island goes to sleep [m/s]; 0: none does
     error           wanted RMS error of positions over the scene's size [1], for "auto"
     objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `body`, `joint`, `rods`,
@@ -100,6 +101,7 @@ class Scene(ArrayDataclass):
     integrator: str = "auto"
     contact_width: float = 0.0
     contact_tolerance: float = 0.0
+    coordinates: str = "auto"
     sleep_speed: float = 0.0
     error: float = 0.01
     objects: dict[str, list] = field(default_factory=dict)

@@ -81,6 +81,7 @@ OTHERS = (
     AttributeEntry("Scene", "iterations", WSIM_SCENE, "wsim:iterations", "int", uniform=True),
     AttributeEntry("Scene", "solver", WSIM_SCENE, "wsim:solver", "token", uniform=True),
     AttributeEntry("Scene", "integrator", WSIM_SCENE, "wsim:integrator", "token", uniform=True),
+    AttributeEntry("Scene", "coordinates", WSIM_SCENE, "wsim:coordinates", "token", uniform=True),
 
     AttributeEntry("Bulk", "model", WSIM_MATERIAL, "wsim:elasticModel", "token", uniform=True),
 

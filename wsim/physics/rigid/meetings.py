@@ -5,6 +5,7 @@ import numpy as np
 
 from wsim.geometry.rotation import matrix_quat, quat_conjugate, quat_product, quat_rotate
 from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
+from wsim.physics.rigid import solids
 from wsim.physics.rigid.objects import SURFACE
 from wsim.physics.rigid.solids import contact_shape_of, scene_contact_colliders, touching_colliders
 from wsim.scene import Collider
@@ -72,3 +73,16 @@ def collider_places_in_body(masses: list, colliders: list[Collider], centers: np
     back, center = quat_conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
     x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
     return np.concatenate([quat_rotate(back, x - center), quat_product(back, matrix_quat(M[:, :3, :3]))], axis=1)
+
+
+def contact_signature(b) -> list:
+    """What of a scene with contacts of bodies decides its kernels."""
+    from wsim.physics.rigid.forms import choose_pass_form
+    points = solids.bodies_touch_points(b.scene)
+    own = [c for body in b.scene.things("Body") for c in solids.touching_colliders(body)]
+    form = choose_pass_form(b.model.device, b.model.worlds * len(own) + len(solids.scene_contact_colliders(b.scene.colliders)))
+    filtered, joined = any(map(b.scene.things, ("Group", "FilteredPairs"))), bool(solids.enabled_joints(b.scene))
+    said = [sorted(meeting_shape_kinds(b.scene.things("Body"), b.scene.colliders)), sorted(flush_collider_kinds(b.scene)),
+            has_restitution(b.scene), form.name, form.blocks, solids.bodies_may_sleep(b.scene), filtered, joined,
+            b.scene.contact_tolerance > 0.0]
+    return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

@@ -60,10 +60,10 @@ class RigidMethod(Method):
             self.sleep = RigidSleep(b, self)
         self.Bodies, self.Moving = motion.body_structs(b.model.real)
         self.table = self.given = self._tables()
-        self.offers, self.joints = Ports(bodies=self), None        # type: Ports, Any
-        if solids.enabled_joints(scene):
-            from wsim.physics.rigid.joints.tables import DeviceJoints
-            self.joints = DeviceJoints(b, self)
+        from wsim.physics.rigid.joints.trees.choose import make_joints
+        self.joints: Any = make_joints(b, self) if solids.enabled_joints(scene) else None
+        self.offers = Ports(bodies=self)
+        if self.joints:
             self.offers.drive_targets = self.joints.aims.names if self.joints.aims else None
             if self.sleep:
                 self.sleep.join(self.joints)
@@ -104,11 +104,13 @@ class RigidMethod(Method):
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.quat_product(rotation.matrix_quat(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
         spin = np.array([body.spin for body, _ in self.bodies])
-        near = rotation.unit_quat(q).astype(self.model.dtype)
-        self.put("q", near)
-        self.put("o", rotation.unit_quat(q) - near)
+        self.put_turns(rotation.unit_quat(q))
         self.put("p", np.array([m.mass * body.velocity for m, (body, _) in zip(self.masses, self.bodies, strict=True)]))
         self.put("L", self.momentum(rotation.unit_quat(q), spin))
+
+    def put_turns(self, q: np.ndarray) -> None:
+        self.put("q", q.astype(self.model.dtype))
+        self.put("o", q - q.astype(self.model.dtype))
 
     def momentum(self, q: np.ndarray, spin: np.ndarray) -> np.ndarray:
         """Angular momentum (n, 3) [kg m^2/s] of angular velocities [rad/s]."""
@@ -177,9 +179,11 @@ class RigidMethod(Method):
         return self.contacts.frame_warnings() if self.contacts else []
 
     def prepare_restart(self, fields) -> None:
-        pairs = fields.get(self.bodies[0][0].written, {}).get("a")
-        if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
-            self.contacts.grow(len(pairs))
+        own = fields.get(self.bodies[0][0].written, {})
+        if self.joints:
+            self.joints.prepare_restart(own)
+        if self.contacts and len(own.get("a", ())) > self.contacts.room:
+            self.contacts.grow(len(own["a"]))
 
     def advance(self, clock: Clock) -> None:
         if self.contacts or self.recorded:
@@ -221,9 +225,7 @@ class RigidMethod(Method):
             self.masses[k] = now = reweigh_inertia(body, before, name, value)
             poses[k] = rotation.quat_product(poses[k], rotation.quat_product(rotation.quat_conjugate(before.axes), now.axes))
         q = rotation.unit_quat(poses)
-        near = q.astype(self.model.dtype)
-        self.put("q", near)
-        self.put("o", q - near)
+        self.put_turns(q)
         self.put("p", np.array([m.mass for m in self.masses])[:, None] * v)
         self.put("L", self.momentum(q, spins))
         self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
@@ -271,6 +273,8 @@ class RigidMethod(Method):
             mass = np.array([m.mass for m in self.masses])[:, None]
             now[hit] = (mass * every if field == "p" else self.momentum(q, every))[hit]
             self.put(field, now)
+            if self.joints:
+                self.joints.renew_velocities()
             return True
         if name in ("mass", "inertia"):
             self.weigh(hit, name, value)
@@ -287,14 +291,8 @@ class RigidMethod(Method):
 
 
 def signature(b) -> list:
-    if not ((points := solids.bodies_touch_points(b.scene)) or solids.has_rigid_contacts(b.scene)):
-        return ["joints", *["sleep"] * solids.bodies_may_sleep(b.scene)] if solids.enabled_joints(b.scene) else []
-    from wsim.physics.rigid.forms import choose_pass_form
-    from wsim.physics.rigid.meetings import flush_collider_kinds, has_restitution, meeting_shape_kinds
-    own = [c for body in b.scene.things("Body") for c in solids.touching_colliders(body)]
-    form = choose_pass_form(b.model.device, b.model.worlds * len(own) + len(solids.scene_contact_colliders(b.scene.colliders)))
-    filtered, joined = any(map(b.scene.things, ("Group", "FilteredPairs"))), bool(solids.enabled_joints(b.scene))
-    said = [sorted(meeting_shape_kinds(b.scene.things("Body"), b.scene.colliders)), sorted(flush_collider_kinds(b.scene)),
-            has_restitution(b.scene), form.name, form.blocks, solids.bodies_may_sleep(b.scene), filtered, joined,
-            b.scene.contact_tolerance > 0.0]
-    return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points
+    joined = [b.scene.coordinates] if solids.enabled_joints(b.scene) else []
+    if not (solids.bodies_touch_points(b.scene) or solids.has_rigid_contacts(b.scene)):
+        return ["joints", *joined, *["sleep"] * solids.bodies_may_sleep(b.scene)] if joined else []
+    from wsim.physics.rigid.meetings import contact_signature
+    return contact_signature(b) + joined

@@ -119,7 +119,8 @@ def _check_scene_settings(scene: Scene) -> Iterator[Problem]:
 
 def _check_solver_choice(scene: Scene) -> Iterator[Problem]:
     """Solver and integrator: known, and made for each other."""
-    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, ("auto", *TABLE))):
+    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, ("auto", *TABLE)),
+                                 ("coordinates", scene.coordinates, ("auto", "maximal", "reduced"))):
         if found not in allowed:
             yield thing_error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return

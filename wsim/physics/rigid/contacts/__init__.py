@@ -67,7 +67,8 @@ class RigidContactTables:
         self.lanes = lanes = 32 if self.device.is_cuda else 1                         # threads of a pair with a mesh
         self.on_meshes = meet(real, shared("rigid_meshes", *sorted(on_meshes), lanes), lanes) if on_meshes else None
         self.flush = flush.flush_seam_kernels(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
-        self.form = forms.choose_pass_form(b.model.device, self.shapes)
+        own = method.joints.contact_form() if method.joints else None
+        self.form: forms.ContactPassForm = own or forms.choose_pass_form(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
             method.sleep.make(self.form)

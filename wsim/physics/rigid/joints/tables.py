@@ -13,6 +13,7 @@ from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.aims import DriveTargets, varying_drive_targets
+from wsim.physics.rigid.joints.device_rows import device_rows, drop_cone, rename_twist_axis
 from wsim.physics.rigid.joints.islands import elimination_order
 from wsim.physics.rigid.joints.joint import AXES, LIVE, Drive, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
@@ -21,46 +22,6 @@ FIELDS = (StateField("quarters", "", True, "quarter turns of the twist, counted 
           StateField("broken", "", True, "1: it broke", "int"))
 SWEEPS = 4                  # at least: of the places that velocities lead to, which are not linear in them
 ONE = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-def device_rows(joint: Joint) -> list[Joint]:
-    """A joint as those of the device: a distance beside limits of shifts is one of its own."""
-    apart = LENGTH in joint.limits or LENGTH in joint.drives
-    others = {name for name in (*joint.limits, *joint.drives) if name != LENGTH}
-    if not apart or not others and joint.cone is None:
-        return [joint]
-
-    def part_of_joint(far: bool) -> Joint:
-        def part_rows(table):
-            return {name: value for name, value in table.items() if (name == LENGTH) == far}
-        values = vars(joint) | {"limits": part_rows(joint.limits), "drives": part_rows(joint.drives)}
-        return Joint(**values | ({"cone": None} if far else {}))
-    return [part_of_joint(False), part_of_joint(True)]
-
-
-def drop_cone(joint: Joint) -> Joint:
-    """The same joint without a cone that is none: one of no width is a range of the other swing."""
-    if joint.cone is None or joint.cone != (inf, inf) and min(joint.cone) > 0.0:
-        return joint
-    range_of = {name: (-c, c) for name, c in zip(AXES[4:], joint.cone, strict=True) if c < inf}
-    return Joint(**vars(joint) | {"cone": None, "limits": joint.limits | range_of})
-
-
-def rename_twist_axis(joint: Joint) -> Joint:
-    """The same joint with its axes named anew, so that the twist is about the one axis that turns, if no other does: a swing of
-    half a turn has no direction."""
-    free = [k for k, name in enumerate(AXES[3:]) if not joint.locked(name)]
-    if len(free) != 1 or free == [0]:
-        return joint
-    k = free[0]
-    q = rotation.matrix_quat(np.eye(3)[:, [k, (k + 1) % 3, (k + 2) % 3]])
-
-    def rename_axes(table: dict) -> dict:
-        def renamed_axis(name: str) -> str:
-            return name if name == LENGTH else name[:-1] + "XYZ"["XYZ".index(name[-1]) - k]
-        return {renamed_axis(name): value for name, value in table.items()}
-    turns = {name: rotation.quat_product(getattr(joint, name), q) for name in ("turn0", "turn1")}
-    return Joint(**vars(joint) | turns | {"limits": rename_axes(joint.limits), "drives": rename_axes(joint.drives)})
 
 
 class DeviceJoints:
@@ -84,7 +45,6 @@ class DeviceJoints:
         self.part = StatePart.allocate("joints", FIELDS, self.count, b.model.real, self.device)
         path, n = b.scene.things("Body")[0].written, len(self.joints)             # joints have no samples: they go with a body
         self.part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
-        b.state.add(self.part)
         self.sweeps = max(SWEEPS, b.scene.iterations)
         self._tables(worlds)
         self.known: tuple = ()
@@ -206,6 +166,16 @@ class DeviceJoints:
             self.known = known
         for name, value in zip(names, values, strict=True):
             getattr(t, name).assign(np.ascontiguousarray(value))
+
+    def renew_velocities(self) -> None:
+        """Momenta of bodies were set."""
+
+    def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
+        """Goes on from fields of the first body."""
+
+    def contact_form(self) -> Any:
+        """The `ContactPassForm` that these joints need, None: any."""
+        return None
 
     def with_contacts(self, work) -> Any:
         """`linked`, knowing which bodies contacts have touched."""

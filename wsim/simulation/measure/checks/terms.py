@@ -131,7 +131,7 @@ class EnergyTerms:
         self.balance_bodies = body_balance_kernel(self.model.real)
         self.kernels.append(self.balance_bodies)
         self.each.append(self.sum_bodies)
-        joints = self.rigid.joints
+        joints: Any = self.rigid.joints
         if joints and any(j.drives for j in joints.joints):
             from wsim.kernels.rigid.checks import balance_drives, joint_place_kernel
             self.balance_drives, self.place_joints = balance_drives, joint_place_kernel(self.model.real)
@@ -147,7 +147,7 @@ class EnergyTerms:
         self.model.launch(self.balance_bodies, rows.size, inputs, [rows])
 
     def sum_drives(self, rows: wp.array) -> None:
-        joints = self.rigid.joints
+        joints: Any = self.rigid.joints
         if self.begins:                                       # a run has no coordinates yet, or they are of another place
             self.model.launch(self.place_joints, joints.islands, [self.rigid.table, self.rigid.moving(), joints.linked], [])
         self.model.launch(self.balance_drives, rows.size, [joints.linked, self.worlds, int(self.begins)], [rows])

@@ -1,0 +1,89 @@
+"""Kernels over trees, a thread each: substeps of those that touch nothing, accelerations, and velocities of momenta."""
+
+import warp as wp
+
+from wsim.kernels.rigid.joint.elimination import Linked
+from wsim.kernels.rigid.joint.steps import joint_step_functions
+from wsim.kernels.rigid.joint.tree.joint_forces import note_drive_work
+from wsim.kernels.rigid.joint.tree.kinematics import place_tree
+from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, solve_tree_matrix, tree_dofs
+from wsim.kernels.rigid.joint.tree.newton_euler import sum_tree_wrenches
+from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
+from wsim.kernels.rigid.joint.tree.tables import Trees
+from wsim.kernels.rigid.motion import body_structs, double_vec3
+
+
+def tree_substep_kernel(real, module):
+    """Kernel of substeps steps[0] .. steps[1] of h [s] of trees and of bodies without joints: a thread each. asleep: 1 for
+    bodies
+    of those that stay, or None."""
+    Bodies, Moving = body_structs(real)
+    f, lone = tree_step_functions(real), joint_step_functions(real)
+    begin, step, write, kicks, place = f.begin, f.step, f.write, lone.kicks, lone.place
+
+    def rigid_trees(steps: wp.vec2i, h: real, b: Bodies, J: Linked, T: Trees, asleep: wp.array(dtype=int), now: Moving):
+        g = wp.tid()
+        i = J.t.body[J.t.first_body[g]]
+        if asleep:
+            if asleep[i] == 1:
+                return
+        d = wp.float64(h)
+        if T.t.first_link[g + 1] > T.t.first_link[g]:
+            T.left[g] = wp.float64(0.0)
+            begin(g, d, b, T, J)
+            for k in range(steps[0], steps[1]):
+                step(g, k, d, b, T, J)
+                note_drive_work(g, k, d, T, J)
+            place_tree(g, T)
+            write(g, T, now)
+        else:
+            for _k in range(steps[0], steps[1]):
+                kicks(i, h, b, now, J)
+                place(i, h, b, now, J)
+
+    return wp.kernel(rigid_trees, name="rigid_trees", module=module, enable_backward=False)
+
+
+def tree_velocity_kernel(real, module):
+    """Kernel, over trees: qd of the momenta of its bodies, by least kinetic energy of what is left over, H qd = S^T (L + r x
+    p, p)."""
+    Bodies, Moving = body_structs(real)
+
+    def project_tree_velocity(now: Moving, T: Trees):
+        g = wp.tid()
+        t = T.t
+        if t.first_link[g + 1] > t.first_link[g]:
+            place_tree(g, T)
+            assemble_tree_matrix(g, T)
+            factor_tree_matrix(g, T)
+            root = t.first_link[g]
+            dofs = tree_dofs(g, T)
+            for d in range(dofs[0], dofs[1]):
+                T.tau[d] = wp.float64(0.0)
+            for link in range(root, t.first_link[g + 1]):
+                p = double_vec3(now.p[t.body[link]])
+                T.F[link] = -p
+                T.N[link] = -double_vec3(now.L[t.body[link]]) - wp.cross(T.X[link] - T.X[root], p)
+            sum_tree_wrenches(g, T)
+            solve_tree_matrix(g, T.tau, T)
+            for d in range(dofs[0], dofs[1]):
+                T.qd[d] = T.tau[d]
+
+    return wp.kernel(project_tree_velocity, name="project_tree_velocity", module=module, enable_backward=False)
+
+
+def tree_acceleration_kernel(real, module):
+    """Kernel, over trees: accelerations qdd in `tau` at q, qd, with drives as they are at the end of substep 0."""
+    f = tree_step_functions(real)
+    begin, evaluate = f.begin, f.evaluate
+    Bodies, _ = body_structs(real)
+
+    def tree_accelerations(h: real, b: Bodies, J: Linked, T: Trees):
+        g = wp.tid()
+        if T.t.first_link[g + 1] > T.t.first_link[g]:
+            begin(g, wp.float64(h), b, T, J)
+            evaluate(g, 0, wp.float64(1.0), wp.float64(h), b, T, J)
+            factor_tree_matrix(g, T)
+            solve_tree_matrix(g, T.tau, T)
+
+    return wp.kernel(tree_accelerations, name="tree_accelerations", module=module, enable_backward=False)

@@ -1,0 +1,129 @@
+"""Forward kinematics of trees: places of links, motion subspaces of joints, velocities, and the coordinates after a step.
+
+    frame b = frame a . slides . hinges or ball          S of a slide e: (0, e), of a turn about e through p: (e, e x (O - p))
+    V_l = V_parent + S qd
+"""
+
+import warp as wp
+
+from wsim.kernels.math.marks import standalone_function
+from wsim.kernels.math.rotation import rotate_vector, rotation_exponential, unit_quaternion
+from wsim.kernels.rigid.joint.tree.tables import Trees
+
+
+@wp.func
+def turn_about_unit_axis(e: wp.vec3d, angle: wp.float64):
+    """Quaternion of a turn about a unit axis by an angle [rad]."""
+    half = wp.float64(0.5) * angle
+    s = wp.sin(half)
+    return wp.quatd(s * e[0], s * e[1], s * e[2], wp.cos(half))
+
+
+@wp.func
+def coordinate_quaternion(c: int, q: wp.array(dtype=wp.float64)):
+    """Quaternion of a ball whose coordinates begin at c."""
+    return unit_quaternion(wp.quatd(q[c], q[c + 1], q[c + 2], q[c + 3]))
+
+
+@standalone_function
+@wp.func
+def place_tree_link(link: int, root: int, T: Trees):
+    """Sets X, Q of link l and S of its joint, from coordinates. Its parent is placed."""
+    t = T.t
+    p = t.parent[link]
+    at = t.at_a[link]
+    Q = t.turn_a[link]
+    if p >= 0:
+        at = T.X[p] + rotate_vector(T.Q[p], at)
+        Q = T.Q[p] * Q
+    d = t.first_dof[link]
+    last = t.first_dof[link + 1]
+    c = t.first_coordinate[link]
+    turns = d + t.slides[link]
+    for k in range(d, turns):
+        e = rotate_vector(Q, t.axis[k])
+        T.S_w[k] = wp.vec3d()
+        T.S_v[k] = e
+        at += T.q[c + k - d] * e
+    if t.ball[link] == 1:
+        Q = Q * coordinate_quaternion(c + t.slides[link], T.q)
+    for k in range(turns, last):
+        T.S_w[k] = rotate_vector(Q, t.axis[k])
+        if t.ball[link] == 0:
+            Q = Q * turn_about_unit_axis(t.axis[k], T.q[c + k - d])
+    Q = unit_quaternion(Q * wp.quat_inverse(t.turn_b[link]))
+    x = at - rotate_vector(Q, t.at_b[link])
+    T.Q[link] = Q
+    T.X[link] = x
+    arm = T.X[root] - at
+    for k in range(turns, last):
+        T.S_v[k] = wp.cross(T.S_w[k], arm)
+
+
+@standalone_function
+@wp.func
+def place_tree(g: int, T: Trees):
+    """Sets X, Q and S of the links and joints of tree g."""
+    root = T.t.first_link[g]
+    for link in range(root, T.t.first_link[g + 1]):
+        place_tree_link(link, root, T)
+
+
+@standalone_function
+@wp.func
+def move_tree_velocities(g: int, T: Trees):
+    """Sets W, V of links, and their accelerations without qdd: A_l = A_parent + sum of V x S qd over the joint's dofs."""
+    t = T.t
+    for link in range(t.first_link[g], t.first_link[g + 1]):
+        p = t.parent[link]
+        w = wp.vec3d()
+        v = wp.vec3d()
+        a = wp.vec3d()
+        b = wp.vec3d()
+        if p >= 0:
+            w = T.W[p]
+            v = T.V[p]
+            a = T.A_w[p]
+            b = T.A_v[p]
+        turning = wp.vec3d()
+        moving = wp.vec3d()
+        for k in range(t.first_dof[link], t.first_dof[link + 1]):
+            sw = T.qd[k] * T.S_w[k]
+            sv = T.qd[k] * T.S_v[k]
+            if t.ball[link] == 1 and k >= t.first_dof[link] + t.slides[link]:
+                turning += sw                       # the axes of a ball turn with the link: V x S w, for all three at once
+                moving += sv
+            else:
+                a += wp.cross(w, sw)
+                b += wp.cross(w, sv) + wp.cross(v, sw)
+                w += sw
+                v += sv
+        a += wp.cross(w, turning)
+        b += wp.cross(w, moving) + wp.cross(v, turning)
+        T.W[link] = w + turning
+        T.V[link] = v + moving
+        T.A_w[link] = a
+        T.A_v[link] = b
+
+
+@standalone_function
+@wp.func
+def move_tree_coordinates(g: int, h: wp.float64, rate: wp.array(dtype=wp.float64), start: wp.array(dtype=wp.float64), T: Trees):
+    """q = start moved for h [s] at generalised velocities `rate`: exact where they stay."""
+    t = T.t
+    for link in range(t.first_link[g], t.first_link[g + 1]):
+        d = t.first_dof[link]
+        c = t.first_coordinate[link]
+        turns = t.slides[link]
+        if t.ball[link] == 0:
+            turns = t.first_dof[link + 1] - d
+        for k in range(turns):
+            T.q[c + k] = start[c + k] + h * rate[d + k]
+        if t.ball[link] == 1:
+            e = rotation_exponential(h * wp.vec3d(rate[d + turns], rate[d + turns + 1], rate[d + turns + 2]))
+            c += turns
+            q = unit_quaternion(coordinate_quaternion(c, start) * wp.quatd(e[0], e[1], e[2], e[3]))
+            T.q[c] = q[0]
+            T.q[c + 1] = q[1]
+            T.q[c + 2] = q[2]
+            T.q[c + 3] = q[3]

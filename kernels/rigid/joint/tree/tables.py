@@ -1,0 +1,104 @@
+"""Tables of trees of rigid bodies in reduced (joint) coordinates.
+
+A tree is made of links, which are rigid bodies. Each link has one joint, to its parent link or to what the tree hangs from.
+Links are
+numbered so that parents come first. The degrees of freedom of a joint stand in this order: slides along axes of frame a, then
+either
+hinges, each about an axis that the ones before have turned, or a ball.
+
+    q     coordinates: lengths of slides [m], angles of hinges [rad], the quaternion (x, y, z, w) of a ball
+    qd    generalised velocities: [m/s], [rad/s]; of a ball its angular velocity along the axes of frame b
+    H     joint-space inertia (mass) matrix, H qdd + C = tau
+
+Spatial vectors are pairs (angular part, linear part at the point O), in axes of the world. O is the centre of mass of the
+first link of
+the tree. Places are relative to where that link began, in float64.
+
+(Featherstone 2008, Rigid Body Dynamics Algorithms.)
+"""
+
+from functools import cache
+
+import warp as wp
+
+vec6d = wp.types.vector(6, wp.float64)
+mat66d = wp.types.matrix((6, 6), wp.float64)
+
+
+@cache
+def tree_structs():
+    """(TreeTable, Trees): what no stage writes, and all of it with what a step writes."""
+    @wp.struct
+    class TreeTable:
+        first_link: wp.array(dtype=int)              # of trees, and one more
+        body: wp.array(dtype=int)                    # of links: row of the body
+        parent: wp.array(dtype=int)                  # a link, or -1
+        start: wp.array(dtype=wp.vec3d)              # centre of mass of the body at the start
+        at_a: wp.array(dtype=wp.vec3d)               # origin of frame a from the parent's centre, in its principal axes [m]
+        turn_a: wp.array(dtype=wp.quatd)             # frame a to the parent's principal axes
+        at_b: wp.array(dtype=wp.vec3d)
+        turn_b: wp.array(dtype=wp.quatd)
+        mass: wp.array(dtype=wp.float64)             # [kg]
+        moments: wp.array(dtype=wp.vec3d)            # principal moments [kg m^2]
+        slides: wp.array(dtype=int)
+        ball: wp.array(dtype=int)                    # 1: the joint's rotation is a ball, else hinges
+        first_dof: wp.array(dtype=int)               # of links, and one more
+        first_coordinate: wp.array(dtype=int)        # of links, and one more
+        axis: wp.array(dtype=wp.vec3d)               # of dofs, unit: of slides in frame a, of hinges in what they turn
+        dof_parent: wp.array(dtype=int)              # the dof before it on the way to the root, or -1
+        first_entry: wp.array(dtype=int)             # of dofs, and one more: row of H, the dof itself, then the way to the root
+        joint: wp.array(dtype=int)                   # of links: number in JointTable, or -1: a free body
+        row: wp.array(dtype=int)                     # of dofs: row of the joint in JointTable; of a ball 3, 4, 5
+        armature: wp.array(dtype=wp.float64)         # of dofs: inertia of a rotor [kg], [kg m^2]
+        friction: wp.array(dtype=wp.float64)         # of dofs: dry friction [N], [N m]
+
+    @wp.struct
+    class Trees:
+        t: TreeTable
+        q: wp.array(dtype=wp.float64)
+        qd: wp.array(dtype=wp.float64)
+        X: wp.array(dtype=wp.vec3d)                  # of links: centre of mass, and principal axes to the world
+        Q: wp.array(dtype=wp.quatd)
+        S_w: wp.array(dtype=wp.vec3d)                # of dofs: the joint's motion, angular and linear part
+        S_v: wp.array(dtype=wp.vec3d)
+        W: wp.array(dtype=wp.vec3d)                  # of links: spatial velocity
+        V: wp.array(dtype=wp.vec3d)
+        A_w: wp.array(dtype=wp.vec3d)                # spatial acceleration with qdd = 0
+        A_v: wp.array(dtype=wp.vec3d)
+        N: wp.array(dtype=wp.vec3d)                  # wrench of a link and of all behind it: torque about O, force
+        F: wp.array(dtype=wp.vec3d)
+        m: wp.array(dtype=wp.float64)                # of a link and all behind it: mass, first and second moment at O
+        mc: wp.array(dtype=wp.vec3d)
+        inertia: wp.array(dtype=wp.mat33d)
+        H: wp.array(dtype=wp.float64)
+        H_before: wp.array(dtype=wp.float64)         # at the start of a step, and the factors of W (steps.py)
+        W_factors: wp.array(dtype=wp.float64)
+        tau: wp.array(dtype=wp.float64)              # of dofs: generalised forces, then accelerations
+        q_before: wp.array(dtype=wp.float64)         # where a step begins
+        q_start: wp.array(dtype=wp.float64)          # where a substep begins that has parts
+        qd_start: wp.array(dtype=wp.float64)
+        qd_before: wp.array(dtype=wp.float64)
+        rate: wp.array(dtype=wp.float64)             # of dofs: rates of coordinates in a stage, and their weighted sums
+        rates: wp.array(dtype=wp.float64)
+        mean: wp.array(dtype=wp.float64)
+        gains: wp.array(dtype=wp.float64)            # weighted sum of accelerations
+        column: wp.array(dtype=wp.float64)           # of rows of dofs: H^-1 J^T, (dofs of the tree) each
+        first_column: wp.array(dtype=int)            # of dofs
+        mass: wp.array(dtype=wp.float64)             # of dofs: what a drive of an acceleration moves, 1 of others
+        push: wp.array(dtype=wp.float64)             # of dofs: impulse of their limits in a step, and of their dry friction
+        rub: wp.array(dtype=wp.float64)
+        response: wp.array(dtype=wp.float64)         # of dofs: J H^-1 J^T, 0 where nothing acts
+        first_tree: wp.array(dtype=int)              # of worlds, and one more
+        link_of: wp.array(dtype=int)                 # of bodies
+        tree_of: wp.array(dtype=int)                 # of links
+        met: wp.array(dtype=int)                     # of links: 1: a contact has its responses
+        first_answer: wp.array(dtype=int)            # of links: place of its responses
+        answer: wp.array(dtype=wp.float64)           # H^-1 J^T of links, (dofs of the tree, 6) each
+        swing: wp.array(dtype=mat66d)                # J H^-1 J^T of links: spatial velocity by a wrench at O
+        left: wp.array(dtype=wp.float64)             # of trees: what the last sweep over limits changed, at most in a frame
+        soft_drives: wp.array(dtype=int)                # of trees: 1: Runge-Kutta steps are stable with their drives
+
+    return TreeTable, Trees
+
+
+Trees = tree_structs()[1]

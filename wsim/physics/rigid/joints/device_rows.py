@@ -1,0 +1,49 @@
+"""Joints as the device has them: a distance apart, no cone without a width, and the twist about the only axis that turns."""
+
+from math import inf
+
+import numpy as np
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.joints.joint import AXES, Joint
+from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
+
+
+def device_rows(joint: Joint) -> list[Joint]:
+    """A joint as those of the device: a distance beside limits of shifts is one of its own."""
+    apart = LENGTH in joint.limits or LENGTH in joint.drives
+    others = {name for name in (*joint.limits, *joint.drives) if name != LENGTH}
+    if not apart or not others and joint.cone is None:
+        return [joint]
+
+    def part_of_joint(far: bool) -> Joint:
+        def part_rows(table):
+            return {name: value for name, value in table.items() if (name == LENGTH) == far}
+        values = vars(joint) | {"limits": part_rows(joint.limits), "drives": part_rows(joint.drives)}
+        return Joint(**values | ({"cone": None} if far else {}))
+    return [part_of_joint(False), part_of_joint(True)]
+
+
+def drop_cone(joint: Joint) -> Joint:
+    """The same joint without a cone that is none: one of no width is a range of the other swing."""
+    if joint.cone is None or joint.cone != (inf, inf) and min(joint.cone) > 0.0:
+        return joint
+    range_of = {name: (-c, c) for name, c in zip(AXES[4:], joint.cone, strict=True) if c < inf}
+    return Joint(**vars(joint) | {"cone": None, "limits": joint.limits | range_of})
+
+
+def rename_twist_axis(joint: Joint) -> Joint:
+    """The same joint with its axes named anew, so that the twist is about the one axis that turns, if no other does: a swing of
+    half a turn has no direction."""
+    free = [k for k, name in enumerate(AXES[3:]) if not joint.locked(name)]
+    if len(free) != 1 or free == [0]:
+        return joint
+    k = free[0]
+    q = rotation.matrix_quat(np.eye(3)[:, [k, (k + 1) % 3, (k + 2) % 3]])
+
+    def rename_axes(table: dict) -> dict:
+        def renamed_axis(name: str) -> str:
+            return name if name == LENGTH else name[:-1] + "XYZ"["XYZ".index(name[-1]) - k]
+        return {renamed_axis(name): value for name, value in table.items()}
+    turns = {name: rotation.quat_product(getattr(joint, name), q) for name in ("turn0", "turn1")}
+    return Joint(**vars(joint) | turns | {"limits": rename_axes(joint.limits), "drives": rename_axes(joint.drives)})

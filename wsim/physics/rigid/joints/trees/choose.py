@@ -1,0 +1,47 @@
+"""Which coordinates the joints of a scene are solved in: reduced where all of them form trees that touch nothing, else
+maximal."""
+
+from typing import Any
+
+from wsim.physics.rigid import solids
+from wsim.physics.rigid.joints.tables import DeviceJoints
+from wsim.physics.rigid.meetings import has_restitution
+from wsim.scene import Problem, SceneError
+
+COORDINATES = ("auto", "maximal", "reduced")
+
+
+def why_maximal(b) -> str:
+    """Reason why a scene cannot have reduced coordinates that does not lie in its joints, or ""."""
+    scene = b.scene
+    if b.model.gradients:
+        return "gradients"
+    if solids.bodies_touch_points(scene) or solids.bodies_met_by_strands(scene):
+        return "bodies touch points or strands"
+    if solids.has_rigid_contacts(scene):
+        if has_restitution(scene):
+            return "contacts with restitution"
+        if solids.bodies_may_sleep(scene):
+            return "bodies in contact may sleep"
+    return ""
+
+
+def make_joints(b, method) -> Any:
+    """Joints of a method (`DeviceJoints`). Raises SceneError where a scene asks for reduced coordinates that it cannot have."""
+    wanted = b.scene.coordinates
+    why = "" if wanted == "reduced" else "nobody asked for reduced ones"
+    why = why or why_maximal(b)
+    if not why:
+        from wsim.physics.rigid.joints.trees.tables import DeviceTrees
+        try:
+            trees = DeviceTrees(b, method, solids.has_rigid_contacts(b.scene))
+            b.state.add(trees.part, *trees.tree_parts)
+            return trees
+        except ValueError as error:
+            why = str(error)
+    if wanted == "reduced":
+        raise SceneError(Problem("/", f"coordinates is reduced, which this scene cannot have ({why}); allowed: auto, maximal; "
+                                 "fix: leave wsim:coordinates out"))
+    joints = DeviceJoints(b, method)
+    b.state.add(joints.part)
+    return joints

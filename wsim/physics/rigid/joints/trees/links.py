@@ -1,0 +1,150 @@
+"""Which joints of a scene form trees, and the order of links, joints and degrees of freedom in reduced coordinates. NumPy only.
+
+See kernels/rigid/joint/tree/tables.py for the meaning of what `TreeLinks` holds.
+"""
+
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
+
+ORDER = ("rotY", "rotZ", "rotX")                    # hinges, outermost first: swing, then twist
+FITS = (1e-4, 1e-3)                                 # [m], [rad] by which bodies may stand off from what their joints allow
+
+
+def joint_freedom(joint: Joint) -> tuple[list[str], list[str], bool]:
+    """(slides, hinges, ball) of a joint whose twist is about its only axis that turns."""
+    slides = [name for name in SHIFTS if not joint.locked(name)]
+    turns = [name for name in ORDER if not joint.locked(name)]
+    return slides, [] if len(turns) == 3 else turns, len(turns) == 3
+
+
+def unsupported_joint(joint: Joint) -> str:
+    """Reason why a joint has no reduced coordinates, "" if it has."""
+    _, hinges, ball = joint_freedom(joint)
+    if DISTANCE in joint.limits or DISTANCE in joint.drives:
+        return "it limits a distance"
+    if min(joint.force, joint.torque) < inf:
+        return "it may break"
+    if joint.motion.moves:
+        return "what it hangs from moves"
+    if hinges == ["rotY", "rotZ"]:
+        return "two swings without a twist"
+    if joint.cone is not None and not ball:
+        return "a cone beside a locked axis"
+    if any(joint.locked(name) and joint.limits[name][0] != 0.0 for name in AXES):
+        return "an axis is locked away from 0"
+    return ""
+
+
+def reversible_joint(joint: Joint) -> bool:
+    """True if the link on side 0 may be the child."""
+    slides, hinges, ball = joint_freedom(joint)
+    plain = not joint.drives and joint.cone is None and not any(name in joint.limits for name in AXES[3:])
+    return len(slides) + len(hinges) + 3 * ball <= 1 or (ball and not slides and plain)
+
+
+@dataclass
+class TreeLinks:
+    """Trees of one world: links behind each other. joint: -1 for a root that is free; swapped: the child is on side 0."""
+
+    first_link: list[int] = field(default_factory=lambda: [0])
+    body: list[int] = field(default_factory=list)
+    parent: list[int] = field(default_factory=list)
+    joint: list[int] = field(default_factory=list)
+    swapped: list[bool] = field(default_factory=list)
+    slides: list[int] = field(default_factory=list)
+    ball: list[int] = field(default_factory=list)
+    first_dof: list[int] = field(default_factory=lambda: [0])
+    first_coordinate: list[int] = field(default_factory=lambda: [0])
+    axis: list[np.ndarray] = field(default_factory=list)
+    row: list[int] = field(default_factory=list)
+    dof_parent: list[int] = field(default_factory=list)
+    first_entry: list[int] = field(default_factory=lambda: [0])
+    first_column: list[int] = field(default_factory=list)
+    columns: int = 0
+
+    def add_link(self, body: int, parent: int, joint: int, given: Joint | None, swapped: bool) -> None:
+        """One more link, whose joint is `given`; None: it is free."""
+        slides, hinges, ball = joint_freedom(given) if given else (list(SHIFTS), [], True)
+        names = [*slides, *hinges, *(AXES[3:] if ball else ())]
+        before = parent
+        while before >= 0 and self.first_dof[before] == self.first_dof[before + 1]:
+            before = self.parent[before]
+        last = self.first_dof[before + 1] - 1 if before >= 0 else -1
+        depth = 0 if last < 0 else self.first_entry[last + 1] - self.first_entry[last]
+        for k, name in enumerate(names):
+            axis = np.eye(3)[AXES.index(name) % 3]
+            self.axis.append(-axis if swapped and not ball else axis)
+            self.row.append(AXES.index(name))
+            self.dof_parent.append(last if k == 0 else len(self.dof_parent) - 1)
+            self.first_entry.append(self.first_entry[-1] + depth + k + 1)
+        for column, value in (("body", body), ("parent", parent), ("joint", joint), ("swapped", swapped),
+                              ("slides", len(slides)), ("ball", int(ball))):
+            getattr(self, column).append(value)
+        self.first_dof.append(len(self.axis))
+        self.first_coordinate.append(self.first_coordinate[-1] + len(names) + ball)
+
+    def end_tree(self) -> None:
+        first = self.first_dof[self.first_link[-1]]
+        self.first_link.append(len(self.body))
+        n = self.first_dof[-1] - first
+        self.first_column += [self.columns + n * k for k in range(n)]
+        self.columns += n * n
+
+
+def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, first_body: np.ndarray,
+               body: np.ndarray, lone: bool) -> tuple[TreeLinks | None, str]:
+    """(links of the islands, "") or (None, why an island has no reduced coordinates). lone: bodies without joints are links
+    too.
+    Other arguments are those of `wsim.physics.rigid.joints.islands.EliminationOrder` for one world."""
+    found = TreeLinks()
+    for g in range(len(first_joint) - 1):
+        own = range(first_joint[g], first_joint[g + 1])
+        bodies = body[first_body[g]:first_body[g + 1]].tolist()
+        hung = [j for j in own if pairs[j].min() < 0]
+        for j in own:
+            if why := unsupported_joint(joints[j]):
+                return None, f"{joints[j].path}: {why}"
+        if len(own) and len(own) != len(bodies) - 1 + len(hung) or len(hung) > 1:
+            return None, f"{joints[own[0]].path}: its joints close a loop"
+        if len(own):
+            path = _link_order(joints, pairs, list(own), bodies, hung)
+            if path is None:
+                return None, f"{joints[own[0]].path}: its bodies would need a joint turned round"
+            numbers: dict[int, int] = {}
+            for row, parent, j, swapped in path:
+                numbers[row] = len(found.body)
+                found.add_link(row, numbers.get(parent, -1), j, joints[j] if j >= 0 else None, swapped)
+        elif lone:
+            found.add_link(bodies[0], -1, -1, None, False)
+        found.end_tree()
+    return found, ""
+
+
+def _link_order(joints, pairs, own, bodies, hung) -> list[tuple[int, int, int, bool]] | None:
+    """(body, its parent, joint, whether that is turned round) from a root on, depth first; None: no root will do."""
+    near: dict[int, list[int]] = {}
+    for j in own:
+        for row in pairs[j].tolist():
+            near.setdefault(row, []).append(j)
+    children = {int(pairs[j][1]) for j in own}
+    roots = [-1] if hung else sorted(bodies, key=lambda row: row in children)
+    for root in roots:
+        order: list[tuple[int, int, int, bool]] = []
+        stack, seen, fits = [(root, -1, -1, False)], set[int](), True
+        while stack and fits:
+            at, parent, by, turned = stack.pop()
+            if at >= 0:
+                order.append((at, parent, by, turned))
+            own_joints = [j for j in near.get(at, []) if j not in seen]
+            seen.update(own_joints)
+            for j in own_joints[::-1]:
+                swapped = int(pairs[j][0]) != at
+                fits = fits and (not swapped or reversible_joint(joints[j]))
+                stack.append((int(pairs[j][0] if swapped else pairs[j][1]), at, j, swapped))
+        if fits:
+            return order
+    return None

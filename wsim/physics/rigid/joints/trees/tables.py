@@ -1,0 +1,218 @@
+"""Trees of joints in reduced coordinates on the device: tables, the parts of the state, and the launch of a frame."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import rotation
+from wsim.kernels.rigid.joint.tree.alone import tree_velocity_kernel
+from wsim.kernels.rigid.joint.tree.tables import mat66d, tree_structs
+from wsim.model.stage import Clock
+from wsim.model.state import StateField, StatePart
+from wsim.model.structs import fill_struct
+from wsim.physics.rigid.joints.tables import DeviceJoints
+from wsim.physics.rigid.joints.trees.links import tree_links
+
+COORDINATES = (StateField("joint_q", "", True, "joint coordinates [m], [rad]; of balls quaternions (x, y, z, w)", "double"),)
+SPEEDS = (StateField("joint_qd", "", True, "generalised velocities [m/s], [rad/s]", "double"),)
+OFFSETS = {"first_link": "links", "body": "bodies", "parent": "links", "joint": "joints", "first_dof": "dofs",
+           "first_coordinate": "coordinates", "dof_parent": "dofs", "first_entry": "entries", "first_column": "columns"}
+
+
+class DeviceTrees(DeviceJoints):
+    """The joints of a method whose islands are all trees. Raises ValueError, with the reason, where one is not."""
+
+    def __init__(self, b, method, touching: bool = False):
+        """touching: its bodies meet something."""
+        super().__init__(b, method)
+        self.touching = touching
+        n = len(self.order.first_joint) - 1
+        per = n // self.model.worlds
+        one = {name: np.asarray(getattr(self.order, name)) for name in ("first_joint", "first_body", "body")}
+        found, why = tree_links(self.joints, self.pairs, one["first_joint"][:per + 1], one["first_body"][:per + 1], one["body"],
+                                touching)
+        if found is None:
+            raise ValueError(why)
+        self.links = found
+        self._make_tree_parts(b)
+        self._make_tree_tables()
+        self.q.assign(np.tile(self._start_coordinates(), self.model.worlds))
+        self.lost = False                                     # coordinates are older than the poses of the bodies
+        self.project = tree_velocity_kernel(b.model.real, b.model.shared_module("tree_velocities"))
+        self.stale = True                                     # generalised velocities are older than momenta of the bodies
+
+    def _make_tree_parts(self, b) -> None:
+        self.tree_parts: list[StatePart] = []
+        path, worlds, device = b.scene.things("Body")[0].written, self.model.worlds, self.device
+        parts = []
+        for name, fields, n in (("tree coordinates", COORDINATES, self.links.first_coordinate[-1]),
+                                ("tree velocities", SPEEDS, self.links.first_dof[-1])):
+            part = StatePart.allocate(name, fields, n * worlds, b.model.real, device)
+            part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
+            self.tree_parts.append(part)
+            parts.append(part.arrays[fields[0].name])
+        self.q, self.qd = parts
+
+    def _make_tree_tables(self) -> None:
+        links, worlds, up = self.links, self.model.worlds, self._to_device
+        Table, Trees = tree_structs()
+        sizes = {"links": len(links.body), "bodies": len(self.method.bodies) // worlds, "joints": len(self.joints),
+                 "dofs": links.first_dof[-1], "coordinates": links.first_coordinate[-1], "entries": links.first_entry[-1],
+                 "columns": links.columns}
+
+        def of_worlds(name: str):
+            own = np.array(getattr(links, name), np.int64).reshape(-1)
+            if name not in OFFSETS:
+                return np.tile(own, worlds)
+            first, size = name.startswith("first") and name != "first_column", sizes[OFFSETS[name]]
+            rows = [np.where(own < 0, -1, own + size * w)[:len(own) - first] for w in range(worlds)]
+            return np.concatenate(rows + [own[-1:] + size * (worlds - 1)] * first)
+        whole = ("first_link", "body", "parent", "joint", "slides", "ball", "first_dof", "first_coordinate", "row",
+                 "dof_parent", "first_entry")
+        arrays = {name: up(of_worlds(name), int) for name in whole}
+        frames = self._link_frames()
+        masses = [self.method.masses[row] for row in links.body]
+        dofs = sizes["dofs"]
+        t = fill_struct(Table, **arrays, start=up(np.tile(self._link_starts(), (worlds, 1)), wp.vec3d),
+                        **{name: up(np.tile(rows, (worlds, 1)), wp.vec3d if "at" in name else wp.quatd)
+                           for name, rows in frames.items()},
+                        mass=up(np.tile([m.mass for m in masses], worlds), wp.float64),
+                        moments=up(np.tile([m.moments for m in masses], (worlds, 1)), wp.vec3d),
+                        axis=up(np.tile(np.reshape(links.axis, (-1, 3)), (worlds, 1)), wp.vec3d),
+                        armature=up(np.zeros(dofs * worlds), wp.float64), friction=up(np.zeros(dofs * worlds), wp.float64))
+        more = {"first_column": up(of_worlds("first_column"), int)} | self._contact_tables(of_worlds)
+        self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, **more, **self._tree_work(sizes, worlds))
+        if self.touching:                                     # a second place for what a prediction works with
+            scratch = {name: wp.zeros_like(array) for name, array in (("q", self.q), ("qd", self.qd))}
+            self.scratch = fill_struct(Trees, t=t, **more, **scratch, **self._tree_work(sizes, worlds))
+
+    def _contact_tables(self, of_worlds) -> dict[str, Any]:
+        """Tables of links that contacts may push."""
+        links, worlds, up = self.links, self.model.worlds, self._to_device
+        n, islands = len(links.body), len(links.first_link) - 1
+        if not self.touching:
+            return {}
+        tree = np.searchsorted(links.first_link, np.arange(n), side="right") - 1
+        sizes = np.diff(np.array(links.first_dof)[links.first_link])[tree]         # dofs of each link's tree
+        answers = 6 * np.concatenate([[0], np.cumsum(sizes)])
+        link_of = np.argsort(links.body)
+        rows = np.arange(worlds)[:, None]
+        found = {"first_tree": islands * np.arange(worlds + 1), "link_of": link_of + n * rows, "tree_of": tree + islands * rows,
+                 "first_answer": answers[:-1] + answers[-1] * rows}
+        return {**{name: up(values.ravel(), int) for name, values in found.items()},
+                "met": wp.zeros(n * worlds, dtype=int, device=self.device),
+                "answer": wp.zeros(int(answers[-1]) * worlds, dtype=wp.float64, device=self.device),
+                "swing": wp.zeros(n * worlds, dtype=mat66d, device=self.device)}
+
+    def _tree_work(self, sizes: dict[str, int], worlds: int) -> dict[str, Any]:
+        def zeros(size, dtype=wp.float64):
+            return wp.zeros(max(1, sizes[size] * worlds), dtype=dtype, device=self.device)
+        of_dofs = "tau", "qd_start", "qd_before", "rate", "rates", "mean", "gains", "mass", "push", "rub", "response"
+        vectors = dict.fromkeys(("X", "W", "V", "A_w", "A_v", "N", "F", "mc"), "links") | {"S_w": "dofs", "S_v": "dofs"}
+        numbers = dict.fromkeys(of_dofs, "dofs") | dict.fromkeys(("H", "H_before", "W_factors"), "entries")
+        numbers |= {"m": "links", "q_before": "coordinates", "q_start": "coordinates", "column": "columns"}
+        islands = len(self.order.first_joint) - 1
+        return {**{name: zeros(size, wp.vec3d) for name, size in vectors.items()},
+                **{name: zeros(size) for name, size in numbers.items()}, "Q": zeros("links", wp.quatd),
+                "inertia": zeros("links", wp.mat33d), "left": wp.zeros(islands, dtype=wp.float64, device=self.device),
+                "soft_drives": wp.zeros(islands, dtype=int, device=self.device)}
+
+    def _root_of(self) -> np.ndarray:
+        """Link that is the root of each link's tree."""
+        first = np.array(self.links.first_link)
+        return first[np.searchsorted(first, np.arange(len(self.links.body)), side="right") - 1]
+
+    def _link_starts(self) -> np.ndarray:
+        """Centres of mass (links, 3) [m] at the start, from that of the tree's first link."""
+        places = self.method.origin[self.links.body].reshape(-1, 3)
+        return places - places[self._root_of()] if len(places) else places
+
+    def _link_frames(self) -> dict[str, np.ndarray]:
+        """Frames of the joints of links on the parent, a, and on the child, b; of a root those of the world."""
+        links, one, roots = self.links, np.array([0.0, 0.0, 0.0, 1.0]), self._root_of()
+        sides = self._side_frames(self.method.masses)
+        rows = []
+        for link, (j, swapped) in enumerate(zip(links.joint, links.swapped, strict=True)):
+            if j < 0:
+                rows.append((np.zeros(3), one, np.zeros(3), one))
+                continue
+            a, b = (2 * j + 1, 2 * j) if swapped else (2 * j, 2 * j + 1)
+            at, turn = sides[a]
+            if links.parent[link] < 0:
+                M, joint = self.joints[j].motion.at(0.0), self.joints[j]
+                own = joint.turn1 if swapped else joint.turn0
+                at = self.anchor[j] - self.method.origin[links.body[roots[link]]]
+                turn = rotation.quat_product(rotation.matrix_quat(M[:3, :3]), own)
+            rows.append((at, rotation.unit_quat(turn), *sides[b]))
+        return {name: np.array([row[k] for row in rows]).reshape(len(rows), -1)
+                for k, name in enumerate(("at_a", "turn_a", "at_b", "turn_b"))}
+
+    def _start_coordinates(self, world: int = 0, shift: np.ndarray | None = None) -> np.ndarray:
+        """Coordinates of the bodies as they stand, moved by `shift` (bodies, 3) [m] since the start. Raises ValueError where
+        they stand off from what a joint allows."""
+        from wsim.physics.rigid.joints.trees.start import start_coordinates
+        rows = np.array(self.links.body, int) + world * (len(self.method.bodies) // self.model.worlds)
+        places = self._link_starts() + (0.0 if shift is None else shift[rows])
+        return start_coordinates(self.links, self._link_frames(), places, self.method.turns()[rows].reshape(-1, 4), self.joints)
+
+    def alone(self):
+        """Kernel of trees whose bodies touch nothing."""
+        from wsim.kernels.rigid.joint.tree.alone import tree_substep_kernel
+        self.settle = self.method.sleep.alone() if self.method.sleep else None
+        module = self.model.shared_module("rigid_trees")
+        return tree_substep_kernel(self.model.real, module)
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        super().before_frame(time, clock)
+        if self.lost:
+            moved = self.method.get("x") + self.method.get("e")
+            self.q.assign(np.concatenate([self._start_coordinates(w, moved) for w in range(self.model.worlds)]))
+        if self.stale:
+            self.model.launch(self.project, self.islands, [self.method.moving()], [self.trees])
+            self.stale = self.lost = False
+
+    def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
+        """Goes on from fields of the first body, which may be those of maximal coordinates."""
+        self.lost, self.stale = "joint_q" not in fields, "joint_qd" not in fields
+
+    def contact_form(self) -> Any:
+        from wsim.physics.rigid.joints.trees.form import TreeContactForm
+        return TreeContactForm(self)
+
+    def renew_velocities(self) -> None:
+        self.stale = True
+
+    def weigh(self, masses: list) -> None:
+        super().weigh(masses)
+        t, rows = self.trees.t, np.concatenate([np.array(self.links.body, int) + w * len(masses) // self.model.worlds
+                                                for w in range(self.model.worlds)])
+        t.mass.assign(np.array([masses[k].mass for k in rows]))
+        t.moments.assign(np.array([masses[k].moments for k in rows]))
+        frames = self._link_frames()
+        for name in frames:
+            getattr(t, name).assign(np.tile(frames[name], (self.model.worlds, 1)))
+        self.stale = True
+
+    def advance(self, kernel, clock: Clock, bodies, now) -> None:
+        """All substeps of a frame."""
+        asleep = self.settle(clock.dt, bodies, self, now) if self.settle else None
+        self.model.launch(kernel, self.islands, [wp.vec2i(0, clock.substeps), clock.h, bodies, self.linked, self.trees, asleep],
+                          [now])
+
+    def accelerations(self, h: float = 1e-9) -> np.ndarray:
+        """Accelerations qdd (dofs of all worlds,) [m/s^2], [rad/s^2] at the coordinates and velocities now, without limits and
+        dry friction."""
+        from wsim.kernels.rigid.joint.tree.alone import tree_acceleration_kernel
+        kernel = tree_acceleration_kernel(self.model.real, self.model.shared_module("tree_accelerations"))
+        self.model.launch(kernel, self.islands, [h, self.method.table, self.linked], [self.trees])
+        return self.trees.tau.numpy()[:len(self.qd)]
+
+    def error(self) -> tuple[float, float]:
+        """Reduced coordinates have no error of locked axes."""
+        return 0.0, 0.0
+
+    @property
+    def what(self) -> str:
+        trees = int((np.diff(self.order.first_joint) > 0).sum())
+        return f"{trees} trees of {self.links.first_dof[-1] * self.model.worlds} degrees of freedom in reduced coordinates"
