@@ -19,6 +19,7 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 SWEEPS = wp.constant(64)
 DONE = wp.constant(wp.float64(1.0e-12))      # of the largest rate: change in a sweep at which sweeps end
 BACK = wp.constant(wp.float64(0.2))
+REACH, NEAR = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(0.02))       # a blow may reach farther: then a step late
 
 
 @wp.func
@@ -50,6 +51,18 @@ def is_limited(link: int, d: int, T: Trees, J: Linked):
 
 @standalone_function
 @wp.func
+def near_limit(link: int, d: int, h: wp.float64, T: Trees, J: Linked):
+    """Whether a limit may act in the next step of h [s]: nearer than REACH steps at the rate now, or than NEAR of the range."""
+    r = tree_joint_row(link, d, T, J)
+    j = T.t.joint[link]
+    low = J.t.low[j, T.t.row[d]]
+    high = J.t.high[j, T.t.row[d]]
+    reach = REACH * h * wp.abs(row_rate(r, T.qd)) + NEAR * wp.min(high - low, wp.float64(1.0))
+    return r.g - low < reach or high - r.g < reach
+
+
+@standalone_function
+@wp.func
 def apply_row_impulse(g: int, d: int, impulse: wp.float64, T: Trees):
     """qd += H^-1 J^T impulse, by the column of dof d."""
     dofs = tree_dofs(g, T)
@@ -70,7 +83,7 @@ def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
             T.response[d] = wp.float64(0.0)
             acts = t.friction[d] > wp.float64(0.0)
             if is_limited(link, d, T, J):
-                acts = True
+                acts = acts or near_limit(link, d, h, T, J)
             if acts:
                 T.response[d] = row_response_column(g, tree_joint_row(link, d, T, J), d, T)
                 acting += 1

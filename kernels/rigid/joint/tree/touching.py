@@ -123,8 +123,7 @@ def touching_tree_kernel(real, module):
         if steps[0] == 0:
             for g in range(one, last):
                 begin(g, d, rig.b, T, J)
-        for g in range(one, last):
-            ready_tree(g, steps[0], h, rig, J, T)
+                ready_tree(g, 0, h, rig, J, T)           # else as the launch before has left it
         for i in range(rig.b.w.shape[0], rig.work.turn.shape[0]):
             turn(i, steps[0], rig)
         place_world_bodies(w, steps[0], h, rig, T)

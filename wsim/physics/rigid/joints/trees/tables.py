@@ -85,7 +85,8 @@ class DeviceTrees(DeviceJoints):
         self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
             scratch = {name: wp.zeros_like(array) for name, array in (("q", self.q), ("qd", self.qd))}
-            self.scratch = fill_struct(Trees, t=t, **more, **scratch, **self._tree_work(sizes, worlds))
+            scratch |= self._tree_work(sizes, worlds) | {"mass": self.trees.mass}
+            self.scratch = fill_struct(Trees, t=t, **more, **scratch)
 
     def _contact_tables(self, of_worlds) -> dict[str, Any]:
         """Tables of links that contacts may push."""
