@@ -5,6 +5,7 @@ Methods own the classes: `wsim.physics.cloth.objects`, `wsim.physics.cloth.nets.
 
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
+from functools import wraps
 from math import inf, isfinite
 from typing import Any
 
@@ -24,6 +25,8 @@ def contiguous_array(value, dtype, *shape):
     demand_rows(given, shape)
     if dtype is np.int32 and given.dtype == bool:
         raise ValueError("found a mask where numbers of points or the like belong; give numpy.flatnonzero(mask)")
+    if dtype is np.int32 and given.dtype.kind not in "iuf" and given.size:
+        raise ValueError(f"found {given.ravel().tolist()[0]!r:.60} where whole numbers belong")
     if dtype is np.int32 and given.dtype.kind == "f" and (parts := given[given % 1 != 0]).size:
         raise ValueError(f"found {parts[0]:g} where whole numbers belong")
     return np.ascontiguousarray(value, dtype).reshape(shape)
@@ -77,7 +80,21 @@ class DefaultCount(int):
 
 class ArrayDataclass:
     """Dataclasses with arrays, equal when every field is: doubles and what a file holds of them, float32, are. Setting a name
-    that is no field raises AttributeError."""
+    that is no field raises AttributeError. A ValueError of `__post_init__` names the path, where there is one."""
+
+    def __init_subclass__(cls, **more):
+        super().__init_subclass__(**more)
+        if check := vars(cls).get("__post_init__"):
+            @wraps(check)
+            def check_with_path(self):
+                try:
+                    check(self)
+                except ValueError as error:
+                    path = getattr(self, "path", "")
+                    if not isinstance(path, str) or not path or str(error).startswith(path):
+                        raise
+                    raise ValueError(f"{path}: {error}") from error
+            cls.__post_init__ = check_with_path                                 # type: ignore[attr-defined]
 
     def __setattr__(self, name: str, value) -> None:
         own = isinstance(getattr(type(self), name, None), property)

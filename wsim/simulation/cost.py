@@ -33,6 +33,8 @@
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     walled, emitted             an element beside each collider's obstacles, and beside each source
     tank, drop                  a liquid, a frame; a particle that it has at the start
+    transfer, particle          an explicit step of material points; a particle in it
+    long, solved_particle       an implicit one; a particle in it
     sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
                                 to send places, or velocities (H200, tools/bench/choice/blocks.py: blocks_h200.json)
     struck, tried, faced        what convex colliders add to it, each of them, and a mesh (H200: a sheet of 33 x 33 on 16, 100
@@ -76,6 +78,8 @@ from wsim.scene.methods import (
 # rigid to drop: CPU, medians of bricks, dominoes, a pyramid, an arch, cards, a humanoid, a plume, 1, 20 and 100 sources, a dam,
 # a tank: said to take 0.6 to 1.4 of their frames (one core); H200: scenes_h200.json, a pile of 1000 bodies, a tank of a million
 # particles (tools/results/fluids.md); no scene there has many sources
+# transfer to solved_particle: CPU, jelly and sand of 64 to 32768 particles, 2.8e-7 and 5e-7 s a particle; H200, 97k and 1M of
+# jelly (tools/results/material_points.md); implicit sand of 512 and 4096 (CPU), of 221k and 1.8M (H200, by 100 sweeps)
 # rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
 # their frames in the mean; H200: 100 and 10000 hairs (3 to 15 ms by 4), 4 ropes under a box and 64 under 16 (60 and 91 ms by 4)
 COSTS = {kind: {"body": body} | {name: each for row in METHODS if row.cost for name, each in getattr(row.cost, kind).items()}

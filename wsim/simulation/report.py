@@ -4,15 +4,17 @@
 from wsim.simulation.duration import percent_of_size
 
 UNITS = {"penetration": "m", "too_near": "m", "overlap": "m", "joint_error": "m", "angle_error": "rad", "divergence": "1/s",
-         "speed": "m/s", "mass": "kg", "smoke": "m^3", "volume": "m^3", "temperature": "K"}          # by the end of a name
+         "speed": "m/s", "momentum": "kg m/s", "mass": "kg", "smoke": "m^3", "volume": "m^3",
+         "temperature": "K"}                                        # by the end of a name
 # one of what a number counts, by its name in a report
 NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point", "mpm": "material point",
          "substeps": "substep", "iterations": "iteration"}
 SHOWN = 0.01           # ms a frame of the host: less is in the sum alone
 EARLY = 10             # frames in which graphs are expected to be captured
 WHOLE = ("iterations", "steps", "particles", "asleep", "broken", "in_turn", "searches", "projected", "cut")   # they count
-PLAIN = (*WHOLE, "speed", "mass", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
-APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
+PLAIN = (*WHOLE, "speed", "momentum", "mass", "smoke", "temperature", "volume", "strain")   # ends of names of what is no error
+ENERGIES = ("energy", "_kinetic", "_elastic")
+APART = ("rigid_energy", "fluid_energy", "mpm_energy")                         # not within "energy", which is that of points
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "errors", "picture", "report",
          "total")
 
@@ -54,7 +56,7 @@ def _size_lines(report: dict) -> list[str]:
     what += [f"{drops:.0f} particles of liquid"] if drops else []
     lines = [f"{report['frames']} frames{' of ' * bool(what)}{', '.join(what)} on {device}"
              f"{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
-    fluid = not points and (drops or sizes) and not sizes.keys() - {"grid"}               # it has steps of its own
+    fluid = not points and (drops or sizes) and not sizes.keys() - {"grid", "mpm"}        # it has steps of its own
     if "substeps" in report and not fluid:
         each = [format_count(report[key], key) for key in ("substeps", "iterations")] + [report["integrator"]] * bool(points)
         lines.append(f"  {', '.join(each)}")
@@ -108,7 +110,7 @@ def _error_lines(report: dict) -> list[str]:
     """Errors, then other figures, energies, and what is counted."""
     found = {name: value for name, value in report.get("error", {}).items() if value is not None}
     change, time = found.pop("energy_change", None), found.pop("energy_change_seconds", 0.0)
-    energies = {name: value for name, value in found.items() if name.endswith("energy")}
+    energies = {name: value for name, value in found.items() if name.endswith(ENERGIES)}
     counts = {name: value for name, value in found.items() if isinstance(value, int)}
     if "energy" in energies:
         energies["energy"] += sum(energies.get(name, 0.0) for name in APART)

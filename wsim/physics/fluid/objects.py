@@ -89,8 +89,8 @@ class Fluid(Cubes):
     cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
     scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
-    pressure         how it is solved: "direct" (boxes without obstacles, best up to 266 cells along an axis), "multigrid", or
-                     "auto"
+    pressure         how it is solved: "direct" (boxes without obstacles), "multigrid", or "auto": directly up to 800 cells
+                     along all axes together
     tolerance        of the pressure solve, residual over right-hand side [1]
     cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
     conserve         what air carries of smoke and temperature sums to what it was, to rounding: what limited cubics lose or

@@ -145,15 +145,15 @@ def check_points(thing: MaterialPoints) -> Iterator[Problem]:
         if spacing > SPARSE * thing.cell and not any(isinstance(m, (Jelly, Snow)) for m in thing.materials):
             yield object_warning(path, f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: "
                                   "grains that are apart do not meet", f"cells of {spacing / SPARSE:.3g} m or more",
-                                  f"give cell={2.0 * spacing:.3g}")
+                                  f"give cells of {2.0 * spacing:.3g} m, or more points")
         elif spacing > SPARSE * thing.cell:
             yield thing_error(path,
                                f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: the body "
                                "would come apart", f"cells of {spacing / SPARSE:.3g} m or more",
-                               f"give cell={2.0 * spacing:.3g}")
+                               f"give cells of {2.0 * spacing:.3g} m, or more points")
         elif spacing < 0.125 * thing.cell:
             yield object_warning(path, f"{(thing.cell / spacing) ** 3:.0f} points fill a cell", "about 8",
-                                 f"give cell={2.0 * spacing:.3g}, which costs as much and shows more")
+                                 f"give cells of {2.0 * spacing:.3g} m, which costs as much and shows more")
 
 
 def check_integrator(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:

@@ -186,8 +186,8 @@ class MaterialPoints(PointObject):
     which      of each of the points, (n,): 0 is `material`, k is the k-th of `further`; None: all are of `material`
     widths     diameters in results, of all or of each of the points [m]; None: of balls of the volumes
     ids        numbers of the points in results, (n,) [1]; None: 0, 1, 2 ...
-    colors     linear, of all, (3,), or of each of the points (n, 3); None: by the material
-    integrator "explicit", "implicit", or "auto", which takes implicit steps where they cost less; one for all bodies of a scene
+    colors     linear RGB, 0 to 1 [1], of all, (3,), or of each of the points (n, 3); None: by the material
+    integrator  "explicit", "implicit", or "auto": implicit ones where they cost less; one for all bodies of a scene
     """
 
     noun, plural = "material points", True

@@ -1,6 +1,10 @@
 """Counts of what methods besides those of points do in a frame of one world, as their rows in `wsim.scene.methods` name them;
 `wsim.simulation.cost` says how long it takes. All take a scene, substeps a frame and whether a GPU takes them."""
 
+from math import ceil
+
+import numpy as np
+
 from wsim.scene import Scene
 
 
@@ -36,7 +40,7 @@ def count_smoke(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
 
 
 def count_liquids(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
-    """As of smoke, and tanks and particles."""
+    """Domains, cells and sources as of smoke, and tanks and particles."""
     from wsim.physics.fluid.liquid.seeds import estimated_particles
     found = _count_cells(scene, scene.things("Liquid")) | {"tank": len(scene.things("Liquid"))}
     found["drop"] = sum(estimated_particles(liquid, scene) for liquid in scene.things("Liquid"))
@@ -55,3 +59,21 @@ def count_strands(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
     rods = scene.things("Rods")
     each, one = ("ropes", "rope") if scene.things("Body") or any(r.self_collision for r in rods) else ("rods", "rod")
     return {each: n, one: n * sum(len(r.points) for r in rods)} if rods else {}
+
+
+def count_material_points(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
+    """Steps of material points and of their particles, explicit or implicit: as many as the materials at rest need, and as the
+    velocities at the start. What is crushed gets stiffer, and takes more."""
+    things = scene.things("MaterialPoints")
+    if not things:
+        return {}
+    from wsim.physics.mpm.implicit.choice import chosen_integrator, explicit_steps, materials_of
+    from wsim.physics.mpm.memory import estimated_particles
+    particles, cell = sum(estimated_particles(thing, scene) for thing in things), things[0].cell
+    if chosen_integrator(things, scene.fps) == "implicit":
+        speed = max(float(np.linalg.norm(np.atleast_2d(thing.velocity), axis=1).max(initial=0.0)) for thing in things)
+        crossed = 2.0 if things[0].material.law == "sand" else 1.0            # cells in a step, at most
+        steps = max(1, ceil(speed / (crossed * cell * scene.fps)))
+        return {"long": steps, "solved_particle": steps * particles}
+    steps = ceil(max(explicit_steps(material, cell, scene.fps)[0] for material in materials_of(things)))
+    return {"transfer": steps, "particle": steps * particles}
