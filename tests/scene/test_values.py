@@ -19,6 +19,7 @@ from wsim.gradient.recording import Recording
 from wsim.physics.animation.objects import Skeleton
 from wsim.physics.fluid.liquid.objects import Liquid
 from wsim.physics.fluid.objects import Fluid, Source
+from wsim.physics.mpm.objects import Granular, Jelly, MaterialPoints, Snow, Water
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Load, Pin, Scene, SceneError, Varying, methods
@@ -136,12 +137,13 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
-          "Liquid": (Liquid,), "Skeleton": (Skeleton,)}
+          "Liquid": (Liquid,), "Skeleton": (Skeleton,), "MaterialPoints": (MaterialPoints, Jelly, Snow, Granular, Water)}
 HELD = {"surface": "motion", "turns": "motion", "place": "motion",
         "mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
         **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
-        "positions": "points", "rest_shape": "points", "static_friction": "colliders", "dynamic_friction": "colliders",
-        "restitution": "colliders", "stiffness": "drives", "damping": "drives", "target": "drives", "speed": "drives"}
+        "positions": "points", "velocities": "velocity", "rest_shape": "points", "static_friction": "colliders",
+        "dynamic_friction": "colliders", "restitution": "colliders",
+        "stiffness": "drives", "damping": "drives", "target": "drives", "speed": "drives"}
 
 
 @pytest.mark.parametrize("value", table.VALUES, ids=lambda v: f"{v.owner}.{v.name}")

@@ -237,17 +237,17 @@ class Simulation:
         """Sets a live value, from the next frame on, without rebuilding, of one world, of all (None), or one each of a list.
 
         Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
-        shear, bend, damping, strain_limit (a finite one), poisson (of the model "membrane") of a cloth; stiffness of springs;
-        young, poisson, damping, pressure, yield_strain of a soft body (the last three where there is some from the start);
-        density of a cloth or soft body whose masses follow it; mass of springs; rest_shape [m] of a body, lengths [m] of
-        springs (`wsim.physics.cloth.rest_shape`); actuation of springs that have muscles (a Curve, or values of its present
-        keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
-        body or a collider; thickness, restitution of a collider (where one throws back from the start); motion (rigid) of a pin
-        or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
-        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target,
-        speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities, acceleration of a
-        fluid; smoke, temperature, expansion, strength, place of a source. A number or vector may be a Curve, which is followed.
-        Values are copied. Raises SceneError, with nothing changed, where no scene takes it, and over `counts.MOST` substeps."""
+        shear, bend, damping, strain_limit (if finite), poisson (of the model "membrane") of a cloth; stiffness of springs;
+        young, poisson, damping, pressure, yield_strain of a soft body (the last three where not 0 at the start); density of a
+        cloth or soft body whose masses follow it; young, poisson, density, viscosity, bulk, exponent, friction_angle, cohesion,
+        compression_limit, tension_limit, hardening of material points; mass of springs; rest_shape [m] of a body, lengths [m]
+        of springs; actuation of springs with muscles (a Curve, or its values); force or traction of a load (as actuation, or
+        one (3,)); static_friction, dynamic_friction of a body or a collider; thickness, restitution of a collider (where one
+        throws back at the start); motion (rigid) of a pin or collider; positions, velocities (world, author's order) of a body;
+        velocity, spin, force, torque, drag, spin_drag, mass, inertia of a rigid one, friction, restitution of its colliders;
+        stiffness, damping, target, speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity,
+        side_velocities, acceleration of a fluid; smoke, temperature, expansion, strength, place of a source. Values are copied;
+        a number or vector may be a Curve. Raises SceneError, changing nothing, where no scene takes it (`counts.MOST`)."""
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)

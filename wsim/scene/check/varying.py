@@ -13,6 +13,14 @@ from wsim.scene.nodal.masses import single_density
 from wsim.scene.values import table
 from wsim.scene.values.value import ValueRow, value_holder
 
+
+def zero_value_reason(holder, name: str) -> str:
+    """Reason why a value does nothing that is 0 at the start, or that the material lacks, in words; "" where it does."""
+    if not hasattr(holder, name):
+        return f"{type(holder).__name__} has none"
+    return "" if getattr(holder, name) else "it is 0 at the start, so that nothing of it runs"
+
+
 # what a value needs at the start of a scene to do anything: why it does nothing, in words, "" where it does
 NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
     "air": lambda thing, name, scene: "" if feels_air(scene) or any(
@@ -24,8 +32,7 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
     "apart": lambda thing, name, scene: "points are shared" if scene.ties else "",
     "mass": lambda thing, name, scene: "" if single_density(thing) is not None and not scene.ties else
     "the masses do not follow it: they are authored, or materials differ, or points are shared",
-    "start": lambda thing, name, scene: "" if getattr(value_holder(thing, name), name) else
-    "it is 0 at the start, so that nothing of it runs",
+    "start": lambda thing, name, scene: zero_value_reason(value_holder(thing, name), name),
     "finite": lambda thing, name, scene: "" if isfinite(getattr(value_holder(thing, name), name)) else
     "it is infinite at the start, so that nothing of it runs",
     "alone": lambda thing, name, scene: "it has more than one material" if len(getattr(thing, "materials", ())) > 1 else "",

@@ -288,3 +288,11 @@ def test_a_point_beyond_the_range_of_the_grid_is_refused_by_name():
     add_specks(scene, 0.05)
     with pytest.raises(wsim.SceneError, match=r"/far: .*left the range of the grid; fix: give a floor"):
         wsim.Simulation(scene, device="cpu").step()
+
+
+def test_a_value_that_a_material_does_not_have_is_refused_while_it_runs():
+    scene = on_floor()
+    add_specks(scene, 0.05)
+    simulation = wsim.Simulation(scene, device="cpu")
+    with pytest.raises(wsim.SceneError, match="/speck0: has no live parameter 'cohesion': Jelly has none; there are"):
+        simulation.set("/speck0", "cohesion", 1.0)
