@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.make.tools.scenes import GRAINS
 from tools.scenes import SCENES
 from tools.scenes.cloth import USED
 from wsim.geometry.tetra.tets import signed_tet_volumes
@@ -45,7 +46,6 @@ CURVES = {"camera_path": 1, "easing_chart": 9}                         # cloths
 FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
          "cavity": ((64, 64, 1), 1), "waved_flag": ((26, 24, 32), 1)}                                   # cells, sources
 LIQUID = {"dam_break": ((30, 18, 9), 7776), "floating_boxes": ((30, 18, 10), 8640)}       # cells, particles
-GRAINS = {"snowball": 2156, "jelly_cubes": 4896, "hourglass": 4216}                       # particles
 SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3, 642)}     # points, pinned, joints, skinned
 RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96)}            # strands, points of each
 scenes = pytest.mark.parametrize("name", CONTENT)

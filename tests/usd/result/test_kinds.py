@@ -149,15 +149,13 @@ def test_an_unknown_kind_and_a_prim_of_another_type_are_named(tmp_path):
 
 
 def test_particles_of_another_number_each_frame_are_drawn_where_they_are(tmp_path):
-    """What is not there yet has no area."""
+    """Balls of as many as there are."""
     from wsim.show.prim import triangulate_prim
     run(author(tmp_path / "s.usda", 30), tmp_path / "o.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "o.usdc"))
     drawn = triangulate_prim(stage.GetPrimAtPath(f"{PATH}/Lit"), "plain", 0, 0.0, 1.0)
     for frame, lit in ((0, 0), (1, 10), (2, 20), (FRAMES, 30)):
-        p = drawn.points(float(frame))
-        X = p[drawn.look.triangles]
-        area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
-        assert (area > 0.0).sum() == 8 * lit and np.isfinite(p).all()                  # octahedra
-        places = p[:6 * lit].reshape(-1, 6, 3).mean(axis=1)
-        assert np.abs(places - placed(frame / FPS, 30)[:lit]).max(initial=0.0) < 1e-6
+        balls = drawn.balls(float(frame))
+        assert balls.centers.shape == balls.colors.shape == (lit, 3) and balls.radii.shape == (lit,)
+        assert (balls.radii > 0.0).all() and np.isfinite(balls.radii).all()
+        assert np.abs(balls.centers - placed(frame / FPS, 30)[:lit]).max(initial=0.0) < 1e-6

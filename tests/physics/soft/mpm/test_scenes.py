@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tools.test_scenes import GRAINS
+from tests.make.tools.scenes import GRAINS
 from wsim.physics.mpm.seeding import place_particles
 from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
