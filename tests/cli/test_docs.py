@@ -115,3 +115,13 @@ def test_a_page_is_printed_by_its_name(capsys):
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[:len(PAGES)]] == list(PAGES)
     assert cli.main(["docs", "rigid-bodies"]) == 0 and capsys.readouterr().out == text("rigid_bodies")
     assert cli.main(["docs", "clot"]) == 1 and "did you mean cloth?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word, page", [("sand", "material_points"), ("water", "liquids"), ("joints", "rigid_bodies"),
+                                        ("rope", "hair"), ("muscle", "recipes"), ("mpm", "material_points")])
+def test_a_word_leads_to_the_page_that_is_about_it(word, page, capsys):
+    assert cli.main(["docs", word]) == 1 and page in capsys.readouterr().err.partition("did you mean")[2]
+
+
+def test_a_word_of_no_page_gets_the_list_of_pages(capsys):
+    assert cli.main(["docs", "xylophone"]) == 1 and "there are: start, concepts" in capsys.readouterr().err

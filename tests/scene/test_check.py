@@ -82,6 +82,7 @@ MISTAKES = {
                     "rest lengths"),
     "spring stiffness": (lambda s: s.net("/n", [[0, 0, 0], [1, 0, 0]], [[0, 1]], [-1.0], [1.0]), "/n", "stiffnesses"),
     "net mass": (lambda s: s.net("/n", [[0, 0, 0], [1, 0, 0]], [[0, 1]], [1.0], [0.0]), "/n", "masses"),
+    "empty pin": (lambda s: s.pin("/p", "/cloth", []), "/p", "no points"),
     "no springs": (lambda s: s.net("/n", [[0, 0, 0]], np.zeros((0, 2)), [1.0], [1.0]), "/n", "without springs"),
 }
 
@@ -100,7 +101,6 @@ ODD = {
     "strong gravity": (lambda s: setattr(s, "gravity", (0.0, -981.0, 0.0)), "/", "metersPerUnit"),
     "falls": (lambda s: s.pins.clear(), "/cloth", "falls for ever"),
     "far": (lambda s: s.cloths[0].points.__iadd__(np.float32(9e3)), "/cloth", "rounded"),
-    "empty pin": (lambda s: s.pin("/p", "/cloth", []), "/p", "no points"),
 }
 
 

@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom, Vt
 import wsim
 from tests.make.usda import BIND, SHEET, cloth, fabric
 from wsim import cli
+from wsim.physics.mpm.objects import MaterialPoints
 from wsim.scene import shapes, solids
 
 RANGE = 'metersPerUnit = 1\nupAxis = "Y"\nstartTimeCode = 0\nendTimeCode = 24\ntimeCodesPerSecond = 24\n'
@@ -172,6 +173,12 @@ PYTHON = {
                                   "numpy.flatnonzero(mask)"),
     "half a point": (lambda: wsim.Pin("/pin", "/rag", [0, 1.5]), "/pin: found 1.5", "whole numbers"),
     "words as points of a pin": (lambda: wsim.Pin("/pin", "/rag", ["top"]), "/pin: found 'top'", "whole numbers"),
+    "a pin of nothing": (lambda: wsim.Pin("/pin", "/rag", None), "/pin: points is None", "such as [0, 1]"),
+    "hair on a cloth": (lambda: wsim.Scene().hair("/hair", wsim.Cloth("/rag", *RAG), 10, 0.1), "/hair: collider is",
+                        'scene.collider("/head"'),
+    "a cell in words": (lambda: wsim.Simulation(wsim.Scene(objects={"MaterialPoints": [
+        MaterialPoints("/heap", wsim.Sphere(0.1), cell="0.1")]})), "/heap: cell is '0.1'", "finite and > 0"),
+    "a pour in words": (lambda: MaterialPoints("/heap", wsim.Sphere(0.1), pour=3), "/heap: pour is 3", "Pour(start=0.0"),
     "the name of a fabric": (lambda: wsim.Cloth("/rag", *RAG, material="silk"), "/rag: material is 'silk'",
                              'wsim.fabric("silk")'),
     "half a frame": (lambda: wsim.Simulation(wsim.Scene(frames=2.5, objects={"Cloth": [wsim.Cloth("/rag", *RAG)]})),

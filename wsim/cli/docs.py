@@ -2,6 +2,7 @@
 
 from difflib import get_close_matches
 from pathlib import Path
+from re import IGNORECASE, escape, findall
 
 from wsim.scene import Problem, SceneError
 
@@ -17,6 +18,13 @@ def documentation_pages() -> dict[str, Path]:
     return {name: found[name] for name in names}
 
 
+def pages_with_word(found: dict[str, Path], word: str) -> list[str]:
+    """Topics, three at most, whose pages have words that begin so; the one that has most of them, for its length, first."""
+    texts = {name: path.read_text(encoding="utf-8") for name, path in found.items() if name not in ("start", *LAST)}
+    share = {name: len(findall(rf"\b{escape(word)}", text, IGNORECASE)) / len(text) for name, text in texts.items()}
+    return [name for name in sorted(share, key=lambda name: -share[name]) if share[name] > 0.0][:3]
+
+
 def docs(args) -> int:
     """Lists the topics, or prints a page."""
     found = documentation_pages()
@@ -27,8 +35,8 @@ def docs(args) -> int:
         return 0
     topic = args.topic.replace("-", "_").lower()
     if topic not in found:
-        close = get_close_matches(topic, found, 1)
-        guess = f"; did you mean {close[0]}?" if close else ""
-        raise SceneError(Problem(args.topic, f"no page has this name{guess}; there are: {', '.join(found)}"))
+        close = get_close_matches(topic, found, 1, 0.85) or pages_with_word(found, topic.replace("_", " "))
+        guess = f"did you mean {' or '.join(close)}?" if close else f"there are: {', '.join(found)}"
+        raise SceneError(Problem(args.topic, f"no page has this name; {guess}"))
     print(found[topic].read_text(encoding="utf-8"), end="")
     return 0

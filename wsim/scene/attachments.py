@@ -38,6 +38,8 @@ class Pin(ArrayDataclass):
 
     def __post_init__(self):
         demand_kind(self.path, "motion", self.motion, Motion, "Motion.through(times, places)")
+        if self.points is None:
+            raise ValueError("points is None; allowed are numbers of points, such as [0, 1]")
         self.points = contiguous_array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
         self.places = real_array(self.places, -1, 3)
 

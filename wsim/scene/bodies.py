@@ -53,7 +53,8 @@ def demand_rows(given: np.ndarray, shape: tuple[int, ...]) -> None:
 def demand_kind(path: str, name: str, value, kind: type, example: str) -> None:
     """Raises ValueError where a field is none of that class."""
     if not isinstance(value, kind):
-        raise ValueError(f"{path}: {name} is {value!r}; allowed is a {kind.__name__}, such as {example}")
+        found = " ".join(repr(value).split())
+        raise ValueError(f"{path}: {name} is {found:.80}; allowed is a {kind.__name__}, such as {example}")
 
 
 class SizedShape:

@@ -181,10 +181,12 @@ class SimulationPlan:
         bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
+                 "" if self.choice.solver == "none" and all(r["rate"] == "frame" for r in rows) else
                  f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * (c.integrator.solves > 1)}, "
                  f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
                  f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
                  f"{self.choice.why}"]
+        lines[1] = lines[1] or f"frames of {c.dt * 1e3:.4g} ms, in which methods choose steps of their own"
         cells = [(r["phase"], r["name"], r["rate"], str(r["launches"]), f"{r['bytes'] / 1e6:.2f}", f"  {r['what']}")
                  for r in rows]
         lines += text_columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 16, 10, 9, 9, 0),

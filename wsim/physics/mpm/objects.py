@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import ArrayDataclass, PointObject
+from wsim.scene.bodies import ArrayDataclass, PointObject, demand_kind
 from wsim.scene.curve import Motion
 
 ACROSS = 2                 # particles of a full cell along each axis
@@ -212,6 +212,8 @@ class MaterialPoints(PointObject):
     integrator: str = "auto"
 
     def __post_init__(self):
+        if self.pour is not None:
+            demand_kind(self.path, "pour", self.pour, Pour, "Pour(start=0.0, end=1.0)")
         self.material, self.further = named_material(self.material), tuple(map(named_material, self.further))
         if self.points is not None:
             self.points = np.array(self.points, np.float64).reshape(-1, 3)

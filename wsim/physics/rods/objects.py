@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wsim.scene import Collider, Pin, Problem, SceneError, Surface, shapes
-from wsim.scene.bodies import PointObject, contiguous_array, real_array
+from wsim.scene.bodies import PointObject, contiguous_array, demand_kind, real_array
 from wsim.scene.curve import Motion
 from wsim.scene.methods import method_file
 from wsim.scene.solids import shape_row
@@ -112,6 +112,7 @@ def _first_corners(surface: Surface) -> np.ndarray:
 
 def grow_hair(path: str, collider: Collider, number: int, length: float, where, segments: int, more: dict) -> Rods:
     """Rods that stand on a collider, clamped to it: see `Scene.hair`."""
+    demand_kind(path, "collider", collider, Collider, 'scene.collider("/head", Sphere(0.1))')
     if isinstance(collider.shape, Surface):
         x = collider.shape.points if collider.shape.poses is None else collider.shape.poses.at(0.0)
         counts, indices = collider.shape.counts, collider.shape.indices

@@ -6,6 +6,7 @@ Each rule yields Problems in one form: what was found, what is allowed (or expec
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import fields
 from math import floor, inf, isfinite, log10
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,11 @@ def three_digits(value: float, whole: Callable[[float], int]) -> float:
 
 def check_number(path: str, name: str, value: float, low: float, strict: bool = False, mend: str = "") -> Iterator[Problem]:
     """One number that must be finite and at least (strict: above) low."""
-    if not isfinite(value) or value < low or (strict and value == low):
+    number = isinstance(value, (Real, np.ndarray))                      # an array of one number counts as a number
+    if not number or not isfinite(value) or value < low or (strict and value == low):
         allowed = "finite" + (f" and {'>' if strict else '>='} {low:g}" if low > -inf else "")
-        yield thing_error(path, f"{name} is {value:g}", allowed, mend or f"author another {name}")
+        found = f"{value:g}" if number else f"{value!r:.60}"
+        yield thing_error(path, f"{name} is {found}", allowed, mend or f"author another {name}")
 
 
 def check_step_count(path: str, name: str, value: float, least: int) -> Iterator[Problem]:

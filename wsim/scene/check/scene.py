@@ -193,7 +193,7 @@ def _check_pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     yield from check_point_array(path, "places", pin.places, (len(pin.points),))
     yield from check_rigid_motion(path, pin.motion, "take the scale out of the xform that the pin hangs on")
     if len(pin.points) == 0:
-        yield object_warning(path, "it holds no points", "at least one", "name points, or remove the pin")
+        yield thing_error(path, "it holds no points", "at least one", "name points, or remove the pin")
     body = yield from find_point_object(path, "pin", "holds", pin.body, scene)
     if body is None:
         return
