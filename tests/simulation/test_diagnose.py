@@ -26,7 +26,7 @@ def simulated(scene: wsim.Scene, **more) -> Simulation:
     """Which `check` would have refused."""
     motion, scene.pins[0].motion = scene.pins[0].motion, Motion.still()
     sim = Simulation(scene, device="cpu", precision="float64", **more)
-    sim.plan.method("pins").set("/pin", "motion", motion)
+    sim.plan.method("pins").set_value("/pin", "motion", motion)
     return sim
 
 
@@ -71,7 +71,7 @@ def test_a_fit_says_it_too(names, monkeypatch):
     track, step = Track("/chain", [1], np.zeros((1, 12, 3)), sigma=1e-3), Simulation.set
 
     def breaks(self, path, name, *rest):
-        self.plan.method("pins").set("/pin", "motion", lost("explicit").pins[0].motion)        # which `set` would refuse
+        self.plan.method("pins").set_value("/pin", "motion", lost("explicit").pins[0].motion)        # which `set` would refuse
         step(self, path, name, *rest)
     monkeypatch.setattr(Simulation, "set", breaks)
     from wsim.fitting.copies import SceneCopies
