@@ -44,6 +44,7 @@ class Clock:
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
     free: bool = False            # the frame has no contacts, see `wsim.physics.contact.free_flight_test`
     after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
+    fresh: bool = False           # masses and gravity of points change between frames: none goes on from a step before it
     touching: bool = False        # every frame has contacts: what one world does must not depend on what others touch
     loop: Any = None  # `wsim.model.launches.SubstepLoop` in whose body launches stand: then k is none's in particular
     apart: bool = False  # what would change the steps of all worlds for one raises `wsim.simulation.retry.FixedStepsError`
@@ -59,7 +60,7 @@ class Clock:
     @property
     def halved(self) -> bool:
         """True if leapfrog begins with half a kick, from the velocity where the frame begins."""
-        return self.starting or self.after_free
+        return self.starting or self.after_free or self.fresh
 
     @property
     def form(self) -> str:
@@ -83,7 +84,7 @@ class Clock:
     @property
     def carries_history(self) -> bool:
         """True if this very substep carries on the one before."""
-        return self.integrator.memory > 0.0 and not (self.starting and self.k == 0)
+        return self.integrator.memory > 0.0 and not ((self.starting or self.fresh) and self.k == 0)
 
     @property
     def omega(self) -> float:

@@ -93,7 +93,7 @@ METHODS: list[MethodRow] = [
                "wsim.simulation.predicted.scene_counts:count_liquids")),
     MethodRow("mpm", "wsim.physics.mpm", owns=("MaterialPoints", "MaterialSink"), unseen=("MaterialSink",),
               claims=("WsimMaterialPointsAPI", "WsimMaterialSinkAPI", "NewtonPointsDeformableSimAPI", "PhysxParticleSetAPI"),
-              without="there are no material points", gradients=True,
+              without="there are no material points", gradients=True, pushes=True,
               cost=MethodCost({"transfer": 7e-5, "particle": 5.7e-10, "long": 0.01, "solved_particle": 1e-9},
                               {"transfer": 6e-5, "particle": 4e-7, "long": 6e-4, "solved_particle": 1.6e-6},
                               "wsim.simulation.predicted.scene_counts:count_material_points")),

@@ -210,7 +210,8 @@ def build_plan(scene: Scene, *, device, real, worlds: int = 1, gradients: bool =
     """Model, state and stages of a checked scene, its substeps as `set_rigid_substeps` has them. fps: of wall clock, that it is
     to hold."""
     model = models.build_model(scene, worlds, device, real)
-    model.gradients, model.by_point = gradients, gradients or bool(loads_on_deformables(scene))
+    pushed = bool(scene.things("MaterialPoints") and scene.bodies())
+    model.gradients, model.by_point = gradients, gradients or pushed or bool(loads_on_deformables(scene))
     b = _model_with_choice(model, fps)
     b.reasons = {row.name: reason_for_method(row, b) for row in METHODS}
     model.module = module_name(b) + ADJOINT * gradients

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.physics.fluid import start
-from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
-from wsim.physics.fluid.shells import meets_bodies
+from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source, meets_bodies
 from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import check_number, check_rigid_motion, check_step_count, object_warning, thing_error
 

@@ -11,6 +11,7 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.shells import body_shells, obstacle_sheets
 from wsim.physics.contact.collider.table import kind_names
 from wsim.physics.fluid import memory, volumes
 from wsim.physics.fluid.grid.direct import MOST
@@ -19,8 +20,7 @@ from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import fields_at_centers, fluid_measures
-from wsim.physics.fluid.objects import Fluid, Source
-from wsim.physics.fluid.shells import body_shells, meets_bodies, obstacle_sheets
+from wsim.physics.fluid.objects import Fluid, Source, meets_bodies
 from wsim.physics.fluid.start import cut_step_warnings
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample

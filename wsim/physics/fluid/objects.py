@@ -196,3 +196,8 @@ class Source(ArrayDataclass):
             each = now * (float(value) / float(now.mean())) if len(now) > 1 else np.array([float(value)])
             return replace(self, strength=Curve(self.strength.times, each))
         return replace(self, **{name: value})
+
+
+def meets_bodies(fluid: Fluid) -> bool:
+    """Whether smoke meets bodies and cloth: not in a part that follows it, nor by a direct solve."""
+    return fluid.margin == 0.0 and fluid.pressure != "direct"

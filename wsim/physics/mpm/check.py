@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud
+from wsim.physics.contact.collider.shells import has_obstacles
 from wsim.physics.mpm.check_flow import check_pour, check_sink, check_start
 from wsim.physics.mpm.implicit.choice import (
     IMPLICIT_MATERIALS,
@@ -170,6 +171,9 @@ def check_integrator(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
         laws = ", ".join(sorted({each.law for each in materials_of(things)}))
         yield thing_error(path, f"integrator is implicit, and the scene's materials are {laws}", IMPLICIT_MATERIALS,
                           'give integrator="explicit", or simulate the others in a scene of their own')
+    elif thing.integrator == "implicit" and has_obstacles(scene):
+        yield thing_error(path, "integrator is implicit, and the scene has rigid bodies, cloth or soft bodies that it pushes",
+                          "explicit steps, which push and are pushed", 'give integrator="explicit"')
 
 
 def are_known(things: list[MaterialPoints]) -> bool:
@@ -180,13 +184,14 @@ def are_known(things: list[MaterialPoints]) -> bool:
 def check_step(thing: MaterialPoints, material: Any, scene: Scene) -> Iterator[Problem]:
     """An error where a frame would take more explicit steps than there may be."""
     things = scene.things("MaterialPoints")
-    if not are_known(things) or chosen_integrator(things, scene.fps) == "implicit":
+    if not are_known(things) or chosen_integrator(things, scene.fps, has_obstacles(scene)) == "implicit":
         return
     steps, length = explicit_steps(material, thing.cell, scene.fps)
     if not isfinite(steps) or steps > MOST:
         name = "bulk" if isinstance(material, Water) else "young"
         now = getattr(material, name)
-        or_implicit = ', or integrator="implicit"' if has_implicit_steps(things) else ""
+        may = has_implicit_steps(things) and not has_obstacles(scene)
+        or_implicit = ', or integrator="implicit"' if may else ""
         yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of {length:.2g} s",
                           f"up to {MOST} steps a frame",
                           f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, more fps{or_implicit}")

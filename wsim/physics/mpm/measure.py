@@ -36,8 +36,8 @@ def measure_bodies(method: Any) -> dict[str, float]:
     if not method.grid.waves:
         iterations, _, worst = method.status.said("mpm: solve")
         found |= {"mpm_iterations": float(iterations), "mpm_residual": float(worst) / 100.0}
-    if method.grid.colliders:
-        found["mpm_penetration"] = deepest_point(method.grid.colliders.things, x, method.time)
+    if method.scene_colliders:
+        found["mpm_penetration"] = deepest_point(method.scene_colliders, x, method.time)
     if method.flow:
         there = [method.part.arrays["there"].numpy()[method.part.rows[thing.path, 0]] for thing in method.things]
         found |= tally_flow(method.things, method.flow.sinks, there, [method.masses(k) for k in range(len(there))])

@@ -11,16 +11,16 @@ import numpy as np
 from wsim.kernels.particles.mpm.blocks import CROWD
 from wsim.kernels.particles.mpm.steps import MOST, WORDS
 from wsim.kernels.particles.mpm.tables import point_tables
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable, kind_names
+from wsim.physics.mpm.coupling.choice import grid_class, law_names, make_exchange, pushed_things
 from wsim.physics.mpm.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
 from wsim.physics.mpm.grid import MORE
-from wsim.physics.mpm.implicit.choice import chosen_integrator, grid_class
+from wsim.physics.mpm.implicit.choice import chosen_integrator
 from wsim.physics.mpm.memory import refuse_large_bodies
-from wsim.physics.mpm.objects import MaterialPoints
 from wsim.physics.mpm.results import particle_sample
 from wsim.physics.mpm.seeding import (
     PlacedPoints,
@@ -63,15 +63,12 @@ def build(b: Build) -> Method:
     return MaterialPointMethod(b)
 
 
-def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
-    """Laws of a scene's materials, each once."""
-    return tuple(sorted({material.law for thing in things for material in thing.materials}))
-
-
 def signature(b: Any) -> list:
     """Part of a scene's bodies that decides kernels."""
     things, sinks = b.scene.things("MaterialPoints"), b.scene.things("MaterialSink")
-    return [law_names(things), chosen_integrator(things, b.scene.fps), any(thing.pour for thing in things), kind_names(sinks)]
+    pushed = pushed_things(b.model)
+    return [law_names(things), chosen_integrator(things, b.scene.fps, bool(pushed)), any(thing.pour for thing in things),
+            kind_names(sinks), kind_names(pushed)]
 
 
 class MaterialPointMethod(Method):
@@ -86,7 +83,7 @@ class MaterialPointMethod(Method):
         refuse_large_bodies(self.things, b)
         placed = [self._place_thing(k) for k in range(len(self.things))]
         x = np.concatenate([each.x for each in placed])
-        make_grid = grid_class(self.things, b.scene.fps, b.model.gradients)
+        make_grid = grid_class(self.things, b.scene.fps, b.model.gradients, bool(pushed_things(b.model)))
         self.corner = self.cell * (np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell) + make_grid.shift)
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
         self.times = np.concatenate([each.times for each in placed])
@@ -99,13 +96,17 @@ class MaterialPointMethod(Method):
         self.first = first = np.cumsum([0, *(len(thing.materials) for thing in self.things)])
         self.material_of = np.concatenate([first[k] + (np.zeros(n, int) if thing.which is None else thing.which)
                                            for k, (thing, n) in enumerate(zip(self.things, counts, strict=True))])
-        self.laws = law_names(self.things)
+        self.laws, self.scene_colliders = law_names(self.things), b.scene.colliders
         v, C = (np.concatenate([getattr(each, name) for each in placed]) for name in "vC")
         self.part = self._allocate({"o": offset, "v": v, "C": C})
         b.state.add(self.part)
+        self.exchange = make_exchange(self, b)
         colliders = ColliderTable(b.model, b.scene.colliders, self.corner) if b.scene.colliders else None
+        colliders = self.exchange.colliders if self.exchange else colliders
         blocks = b.model.worlds * (count_blocks(self.node) + np.count_nonzero(np.isfinite(self.times)) // POURED)
         self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8, self.flow)
+        if self.exchange:
+            self.exchange.set_grid(self.grid)
         self._fill_tables(b)
         if self.flow:
             self.flow.make_kernels(self.laws, self.grid, self.corner)
@@ -114,7 +115,8 @@ class MaterialPointMethod(Method):
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
         self.more, self.spare, self.time, self.begins, self.fps = MORE, SPARE, 0.0, 0.0, b.scene.fps
         self.base, self.recorded = b.clock.substeps, None
-        self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
+        phase = "pose" if self.exchange else "predict"         # before that of what is pushed
+        self.stages.append(Stage("material points", phase, self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
         if b.model.gradients:
             from wsim.physics.mpm.adjoint.recorded import record_method
@@ -171,6 +173,10 @@ class MaterialPointMethod(Method):
         model, self.constants = self.model, (rows, volume)
         self.grid.points = fill_struct(self.grid.tables.PointRows, row=model.upload(rows.astype(np.int32), int),
                                        volume=model.upload(volume.astype(model.dtype), model.real), **self.part.arrays)
+
+    def connect_ports(self, others: Methods) -> None:
+        if self.exchange and self.exchange.surfaces:
+            self.exchange.surfaces.connect_loads(others.ports.loads)
 
     # frames
 

@@ -83,7 +83,7 @@ def _check_body_support(first: Body, scene: Scene) -> Iterator[Problem]:
     hangs = any(j.enabled and not {j.body0, j.body1} <= paths for j in scene.things("Joint"))
     pushed = any(body.force.any() for body in bodies)
     if np.any(scene.gravity) and not (hangs or pushed or scene.colliders or scene.bodies() or scene.things("Rods")
-                                         or scene.things("Liquid")):
+                                         or scene.things("Liquid") or scene.things("MaterialPoints")):
         what = "it falls" if len(bodies) == 1 else f"the {len(bodies)} rigid bodies fall"
         yield object_warning(first.path, f"no joint holds it and nothing lies below: {what} for ever",
                              "a collider or a joint to the world",

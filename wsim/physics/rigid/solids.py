@@ -147,7 +147,7 @@ def enabled_joints(scene) -> list:
 def bodies_may_sleep(scene) -> bool:
     """True if something may sleep: not beside points and fluids, where others may wake it."""
     return asks_for_sleep(scene) and not (scene.bodies() or scene.things("Liquid") or scene.things("Fluid")
-                                          or bodies_met_by_strands(scene))
+                                          or scene.things("MaterialPoints") or bodies_met_by_strands(scene))
 
 
 def asks_for_sleep(scene) -> bool:

@@ -140,7 +140,7 @@ class ColliderTable:
 
     @property
     def bodies(self) -> bool:
-        """Some are of rigid bodies (`wsim.physics.fluid.shells`)."""
+        """Some are of rigid bodies (`wsim.physics.contact.collider.shells`)."""
         return any(getattr(thing, "body", -1) >= 0 for thing in self.things)
 
     def pose(self, time: float, dt: float) -> None:

@@ -13,6 +13,7 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
+from wsim.physics.contact.collider.shells import body_shells, obstacle_sheets
 from wsim.physics.contact.collider.table import kind_names
 from wsim.physics.fluid.grid.shapes import is_thin_wall
 from wsim.physics.fluid.grid.threads import Threads
@@ -21,7 +22,6 @@ from wsim.physics.fluid.liquid.domain import LiquidDomain
 from wsim.physics.fluid.liquid.measure import CHANGED, liquid_measures, liquid_sample, volume_change, volume_error
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import particle_seeds, sources_of_role
-from wsim.physics.fluid.shells import body_shells, obstacle_sheets
 from wsim.physics.fluid.start import cut_step_warnings
 from wsim.scene.samples import Sample
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud, fill_lattice
+from wsim.physics.contact.collider.shells import body_shells
 from wsim.physics.contact.collider.table import collider_shape_kind
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid, LiquidSource
-from wsim.physics.fluid.shells import body_shells
 from wsim.physics.particles.lattice import index_block, indices_inside_mesh
 from wsim.scene import Scene, Surface
 from wsim.scene.solids import shape_row

@@ -33,26 +33,12 @@ def has_implicit_steps(things: list[MaterialPoints]) -> bool:
     return laws == {"sand"} or laws <= ELASTIC
 
 
-def chosen_integrator(things: list[MaterialPoints], fps: float) -> str:
+def chosen_integrator(things: list[MaterialPoints], fps: float, pushes: bool = False) -> str:
     """"explicit" or "implicit", for all bodies of a scene: what they ask for; else implicit where it is known and a frame would
-    take many explicit steps."""
+    take many explicit steps. pushes: they push rigid bodies, cloth or soft bodies, which takes explicit steps."""
     asked = {thing.integrator for thing in things} - {"auto"}
-    if asked:
-        return asked.pop()
+    if asked or pushes:
+        return "explicit" if pushes else asked.pop()
     most = max(explicit_steps(material, things[0].cell, fps)[0] for material in materials_of(things))
     limit = SAND_STEPS if things[0].material.law == "sand" else ELASTIC_STEPS
     return "implicit" if has_implicit_steps(things) and most > limit else "explicit"
-
-
-def grid_class(things: list[MaterialPoints], fps: float, gradients: bool) -> Any:
-    """The class of the grid that takes the steps of a scene's bodies. gradients: explicit steps alone have some, and
-    are taken unless implicit ones are asked for."""
-    asked = any(thing.integrator == "implicit" for thing in things)
-    if chosen_integrator(things, fps) == "explicit" or gradients and not asked:
-        from wsim.physics.mpm.grid import SparseGrid
-        return SparseGrid
-    if things[0].material.law == "sand":
-        from wsim.physics.mpm.implicit.granular import GranularGrid
-        return GranularGrid
-    from wsim.physics.mpm.implicit.elastic import ElasticGrid
-    return ElasticGrid

@@ -1,0 +1,179 @@
+"""Nodes and particles against colliders, bodies and meshes: as walls.py, and what they lose is an impulse on what they meet.
+
+    node      dv = -min((v - u) . n, 0),  friction on dv;  J = -m (v_out - v_in), at the node
+    particle  its way ends at the first hit, or slides on; J = -m (v_out - v_in) at its new place, and the angular momentum
+              -(x_out - x_in) x m v_in of the change of place besides: then the sum of both stays as it is
+    response  of the body of a node that presses: J = K (v - u(y)),  K = m where it sticks, else m (n - mu t) n^T
+"""
+
+# ruff: noqa: UP018
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.contact.collider.table import collider_queries
+from wsim.kernels.contact.mesh import SHEET
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.coupling.impulses import impulse_functions
+from wsim.kernels.particles.mpm.coupling.tables import push_tables
+from wsim.kernels.particles.mpm.walls import HALF, NEAR, OFF, SKIN, SLIDES
+
+GAP = wp.constant(0.25)            # cells that a particle keeps from what it pushes: half of the way to the next particle,
+                                   # so that a body displaces its own volume
+
+FAR = wp.constant(8.0)             # cells: meshes that nodes have met are nearer than that to the particles of these
+
+
+@cache
+def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
+    """push_node(walls, world, y, v, m, clock, share) -> (v, 1 where something is near, what meshes took of v); sense_node
+    alike adds what the bodies' response needs; push_particle(walls, world, y, way, v, what meshes took of v at nodes and mass,
+    clock, share) -> (way, v). Lengths [m].
+
+    What nodes lose to a mesh, their particles lose: each gives its part to what is nearest to it, so that points of the mesh
+    which take an impulse are those that carry its particles (surfaces.py)."""
+    t, tables = types(real), push_tables(real)
+    meshes = "forming" in kinds
+    ask, give = collider_queries(kinds, real), impulse_functions(kinds, real)
+
+    @wp.func
+    def meets_world(w: tables.Walls, k: int, world: int):
+        return w.pushed.world[k] < 0 or w.pushed.world[k] == world
+
+    @wp.func
+    def press_node(w: tables.Walls, k: int, n: t.vec3, u: t.vec3, v: t.vec3):
+        """(velocity of a node that a wall of velocity u holds, tangent times friction where it slides, 2 where it sticks, 1
+        where it slides, 0 where it leaves)."""
+        rest = v - u
+        press = -wp.dot(rest, n)
+        held = v
+        mode = int(0)
+        slip = t.vec3()
+        if press > real(0.0):
+            rest += press * n
+            speed = wp.length(rest)
+            rub = w.table.friction[k]
+            part = real(0.0)
+            mode = int(2)
+            if speed > rub[0] * press:
+                mode = int(1)
+                part = wp.max(real(1.0) - rub[1] * press / speed, real(0.0))
+                slip = wp.min(rub[1], speed / press) / speed * rest
+            held = u + part * rest
+        return held, slip, mode
+
+    @wp.func
+    def sense_node(w: tables.Walls, world: int, y: t.vec3, v: t.vec3, m: real, clock: wp.array(dtype=real), share: int):
+        held = v
+        for k in range(w.table.kind.shape[0]):
+            if meets_world(w, k, world):
+                phi, n, p = ask.closest(w.table, k, y, clock[1])
+                if phi <= real(GAP) * w.pushed.dx:
+                    u = ask.rate(w.table, k, y, clock[1])
+                    out, slip, mode = press_node(w, k, n, u, held)
+                    if mode > 0 and w.table.owner[k] >= 0:
+                        K = m * wp.identity(n=3, dtype=real)
+                        if mode == 1:
+                            K = m * wp.outer(n - slip, n)
+                        give.add_response(w, w.table.owner[k], y, K, held, clock[0], share)
+                    held = out
+
+    @wp.func
+    def push_node(w: tables.Walls, world: int, y: t.vec3, v: t.vec3, m: real, clock: wp.array(dtype=real), share: int):
+        near = real(0.0)
+        held = v
+        lost = t.vec3()
+        for k in range(w.table.kind.shape[0]):
+            if meets_world(w, k, world):
+                phi, n, p = ask.closest(w.table, k, y, clock[1])
+                if phi < real(NEAR) * w.pushed.dx:
+                    near = real(1.0)
+                inside = real(GAP) * w.pushed.dx
+                if w.table.kind[k] == SHEET:
+                    inside = real(HALF) * w.pushed.dx
+                if phi <= inside:
+                    u = ask.rate(w.table, k, y, clock[1])
+                    out, slip, mode = press_node(w, k, n, u, held)
+                    if mode > 0:
+                        if w.table.owner[k] >= 0:
+                            give.give_body(w, w.table.owner[k], y, m * (held - out), t.vec3(), clock[0], share)
+                        elif w.pushed.first[k] >= 0:
+                            lost += held - out
+                    held = out
+        return held, near, lost
+
+    @wp.func
+    def walk_particle(w: tables.Walls, world: int, y: t.vec3, way: t.vec3, v: t.vec3, clock: wp.array(dtype=real)):
+        """(way, velocity, rows that it hits, what it loses to each [m/s])."""
+        time = clock[1]
+        h = clock[0]
+        skin = real(SKIN) * w.pushed.dx
+        gone = t.vec3()
+        rest = way
+        slow = v
+        last = t.vec3()
+        hit = int(-1)
+        begin = time
+        met = wp.vec3i(-1, -1, -1)
+        lost = t.mat33()
+        slides = int(SLIDES)
+        for slide in range(slides + 1):
+            part = real(1.0)
+            n = t.vec3()
+            hit = int(-1)
+            for k in range(w.table.kind.shape[0]):
+                if meets_world(w, k, world):
+                    gap = skin
+                    if w.pushed.first[k] >= 0:
+                        gap = real(GAP) * w.pushed.dx
+                    s, normal = ask.first_hit(w.table, k, y + gone, begin, y + gone + rest, time + h, gap)
+                    if s < part:
+                        part = s
+                        n = normal
+                        hit = k
+            gone += part * rest
+            rest = (real(1.0) - part) * rest
+            if hit < 0:
+                break
+            begin += part * (time + h - begin)
+            u = ask.rate(w.table, hit, y + gone, begin)
+            dv = -wp.min(wp.dot(slow - u, n), real(0.0)) * n
+            slow += dv
+            met[slide] = hit
+            lost[slide] = -dv
+            ride = (time + h - begin) * u
+            into = wp.dot(rest - ride, n)
+            if into < real(0.0):
+                rest += (real(OFF) * skin - into) * n
+            last = ride
+        if hit >= 0:
+            gone += last
+        return gone, slow, met, lost
+
+    @wp.func
+    def push_particle(w: tables.Walls, world: int, y: t.vec3, way: t.vec3, v: t.vec3, took: t.vec4,
+                      clock: wp.array(dtype=real), share: int):
+        m = took[3]
+        gone, slow, met, lost = walk_particle(w, world, y, way, v, clock)
+        slides = int(SLIDES)
+        left = m * t.vec3(took[0], took[1], took[2])           # of meshes, which the nearest gets
+        for slide in range(slides + 1):
+            k = met[slide]
+            if k >= 0:
+                if w.table.owner[k] >= 0:
+                    T = t.vec3()
+                    if slide == 0:
+                        T = -m * wp.cross(gone - way, v)
+                    give.give_body(w, w.table.owner[k], y + gone, m * lost[slide], T, clock[0], share)
+                elif w.pushed.first[k] >= 0:
+                    left += m * lost[slide]
+        if wp.static(meshes):
+            if wp.dot(left, left) > real(0.0):
+                k, q = give.nearest_mesh(w, world, y + gone, clock[1] + clock[0], real(FAR) * w.pushed.dx)
+                if k >= 0:
+                    give.give_mesh(w, k, q, left)
+        return gone, slow
+
+    return SimpleNamespace(push_node=push_node, sense_node=sense_node, push_particle=push_particle)

@@ -1,0 +1,154 @@
+"""Material points and rigid bodies push each other: conservation laws, weight, and no particle within a body."""
+
+import numpy as np
+import pytest
+
+import wsim
+from wsim.physics.mpm.objects import Granular, Jelly
+
+from .test_method import find_method, total_momentum
+
+
+def body_state(simulation):
+    """The method of rigid bodies, and the centres of mass [m]."""
+    rigid = simulation.plan.method("rigid")
+    return rigid, rigid.origin + rigid.get("x") + rigid.get("e")
+
+
+def whole_momentum(simulation):
+    """Momentum and angular momentum of particles and bodies."""
+    p, spin = total_momentum(simulation)
+    rigid, x = body_state(simulation)
+    return p + rigid.get("p").sum(axis=0), spin + (np.cross(x, rigid.get("p")) + rigid.get("L")).sum(axis=0)
+
+
+def whole_energy(simulation):
+    """Kinetic and elastic energy of particles and bodies [J], without weight."""
+    rigid, _ = body_state(simulation)
+    return (simulation.indicators()["mpm_energy"] + 0.5 * float(np.sum(rigid.get("p") * rigid.velocities()))
+            + 0.5 * float(np.sum(rigid.get("L") * rigid.spins())))
+
+
+def make_world(size=1.0, at=(0, 0, 0), **more):
+    """A scene with a box to fall on, and far away what the others have: all tests share compiled kernels."""
+    scene = wsim.Scene(fps=60 / size**0.5, **more)
+    at = np.array(at, float)
+    scene.collider("/floor", wsim.Box(np.array([3, 0.5, 3]) * size), at=at - [0, 0.5 * size, 0], static_friction=0.0,
+                   dynamic_friction=0.0)
+    for k, material in enumerate((Jelly(1e5 * size), Granular(3.5e5 * size))):
+        scene.mpm(f"/speck{k}", points=[at + np.array([2.5, 0.02, k]) * size], volumes=(0.025 * size)**3, cell=0.05 * size,
+                  material=material)
+    return scene
+
+
+def collision(ratio, size=1.0, at=(0, 0, 0)):
+    """A jelly of 8 kg that spins hits a ball of `ratio` times that; size: of a metre [m]."""
+    scene = make_world(size, np.array(at) - [0, 2 * size, 0], gravity=(0, 0, 0))
+    at, pace = np.array(at, float), size**0.5
+    scene.mpm("/jelly", wsim.Box((0.1 * size,) * 3), at=at, cell=0.05 * size, velocity=np.array([1, 0.2, 0]) * pace,
+              spin=np.array([0, 3, 5]) / pace, material=Jelly(2e4 * size))
+    scene.body("/ball", wsim.Sphere(0.12 * size), at=at + np.array([0.3, 0.06, 0.01]) * size, mass=8.0 * ratio * size**3,
+               velocity=np.array([-1, 0, 0.3]) * pace)
+    return scene
+
+
+def bed(material, size=1.0, at=(0, 0, 0), depth=0.1):
+    """A tank of 0.6 x 0.6 m, full of a material up to twice `depth`."""
+    scene, at = make_world(size, at), np.array(at, float)
+    for k, (x, z) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
+        half = np.array([0.5 if x else 1.3, 1.0, 0.5 if z else 1.3]) * size
+        scene.collider(f"/wall{k}", wsim.Box(half), at=at + np.array([0.8 * x, 1.0, 0.8 * z]) * size, static_friction=0.0,
+                       dynamic_friction=0.0)
+    scene.mpm("/bed", wsim.Box(np.array([0.3, depth, 0.3]) * size), at=at + [0, depth * size, 0], cell=0.05 * size,
+              material=material)
+    return scene
+
+
+@pytest.mark.parametrize("ratio", [0.01, 1.0, 100.0])
+def test_momentum_and_angular_momentum_stay(ratio):
+    simulation = wsim.Simulation(collision(ratio), device="cpu", precision="float64")
+    p, spin = whole_momentum(simulation)
+    before, energy = simulation.plan.method("rigid").velocities()[0], whole_energy(simulation)
+    for _ in range(15):
+        simulation.step()
+        p_now, spin_now = whole_momentum(simulation)
+        rigid, x = body_state(simulation)
+        assert np.abs(p_now - p).max() < 1e-9 * (8 + 8 * ratio) and np.abs(spin_now - spin).max() < 1e-9 * (8 + 8 * ratio)
+        distance = np.linalg.norm(find_method(simulation).read_particles(2)["x"] - x[0], axis=1)
+        assert distance.min() > 0.12
+    assert np.linalg.norm(rigid.velocities()[0] - before) > 0.01
+    assert whole_energy(simulation) < energy and not simulation.warnings
+
+
+@pytest.mark.parametrize(("size", "at"), [(1e-3, (0, 0, 0)), (1.0, (1000, 0, -1000)), (1000.0, (0, 0, 0))])
+def test_the_same_at_other_sizes_and_places(size, at):
+    """Froude's scaling: lengths by s, times by the root of s, stiffness by s. The ball has the same momentum, scaled."""
+    speeds = []
+    for scale, place in ((1.0, (0, 0, 0)), (size, at)):
+        simulation = wsim.Simulation(collision(1.0, scale, place), device="cpu")
+        simulation.run(8)
+        speeds.append(simulation.plan.method("rigid").velocities()[0] / scale**0.5)
+    assert np.abs(speeds[1] - speeds[0]).max() < 2e-3 and np.abs(speeds[0][0]) < 0.6
+
+
+def mean_force(simulation, frames):
+    """Mean force of particles on the first body over frames [N], world (3,)."""
+    found = []
+    for _ in range(frames):
+        simulation.step()
+        found.append(find_method(simulation).exchange.own.given_p.numpy()[0] * simulation.scene.fps)
+    return np.mean(found, axis=0)
+
+
+def test_a_ball_that_rests_on_jelly_presses_with_its_weight():
+    scene = bed(Jelly(2e5, viscosity=20.0))
+    scene.body("/ball", wsim.Sphere(0.1), at=(0, 0.303, 0), density=1000.0)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(60)
+    weight = 1000.0 * 4 / 3 * np.pi * 0.1**3 * 9.81
+    assert np.abs(mean_force(simulation, 10) / weight - [0, 1, 0]).max() < 2e-3
+
+
+@pytest.mark.parametrize("ratio", [0.01, 8.0])
+def test_light_and_heavy_balls_rest_on_sand(ratio):
+    """Added mass: the ball has 1/100 of the sand's density, or sinks in."""
+    scene = bed(Granular(friction_angle=0.6))
+    scene.body("/ball", wsim.Sphere(0.1), at=(0, 0.303, 0), density=1600.0 * ratio)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(40)
+    weight = 1600.0 * ratio * 4 / 3 * np.pi * 0.1**3 * 9.81
+    assert np.abs(mean_force(simulation, 20) / weight - [0, 1, 0]).max() < 0.02
+    rigid, x = body_state(simulation)
+    particles = find_method(simulation).read_particles(2)["x"]
+    assert np.linalg.norm(particles - x[0], axis=1).min() > 0.1
+    assert np.abs(rigid.velocities()).max() < 0.2
+
+
+def test_a_light_plate_carries_sand_on_the_floor():
+    """Others hold the plate: the floor bears what the sand presses with, 100 times the plate's weight."""
+    scene = make_world()
+    scene.body("/plate", wsim.Box((0.7, 0.025, 0.7)), at=(0, 0.025, 0), mass=0.128)
+    scene.mpm("/heap", wsim.Box((0.1, 0.1, 0.1)), at=(0, 0.15, 0), cell=0.05, material=Granular(friction_angle=0.6))
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(40)
+    weight = 1600.0 * 0.008 * 9.81
+    force = mean_force(simulation, 20)
+    inside = np.abs(find_method(simulation).read_particles(2)["x"][:, [0, 2]]).max()
+    rigid, x = body_state(simulation)
+    assert inside < 0.7 and abs(-force[1] / weight - 1) < 0.02 and np.abs(x[0] - [0, 0.025, 0]).max() < 2e-3
+
+
+def test_same_bits_twice_and_in_each_world():
+    scene = bed(Granular(friction_angle=0.6))
+    scene.body("/ball", wsim.Sphere(0.1), at=(0.02, 0.32, 0), density=3000.0, spin=(3, 0, 20))
+    one, two = (wsim.Simulation(scene, device="cpu", worlds=worlds) for worlds in (1, 2))
+    for simulation in (one, two):
+        simulation.run(6)
+    for part in ("mpm", "bodies", "mpm bodies"):
+        first, other = one.state.parts[part], two.state.parts[part]
+        for name, array in first.arrays.items():
+            n = first.count
+            assert np.array_equal(array.numpy()[:n], other.arrays[name].numpy()[:n]), name
+            assert np.array_equal(array.numpy()[:n], other.arrays[name].numpy()[n:2 * n]), name
+    spin = one.plan.method("rigid").spins()[0]
+    assert np.linalg.norm(spin - [3, 0, 20]) > 0.5             # sand slows it by friction

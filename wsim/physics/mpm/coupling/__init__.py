@@ -1,0 +1,1 @@
+"""Material points that push rigid bodies, cloth and soft bodies."""

@@ -1,0 +1,49 @@
+"""Which grid takes the steps of a scene's bodies, and whether it pushes rigid bodies, cloth or soft bodies."""
+
+from typing import Any
+
+import numpy as np
+
+from wsim.model.stage import Stage
+from wsim.physics.contact.collider.shells import body_shells, obstacle_sheets
+from wsim.physics.mpm.implicit.choice import chosen_integrator
+from wsim.physics.mpm.objects import MaterialPoints
+
+
+def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
+    """Laws of a scene's materials, each once."""
+    return tuple(sorted({material.law for thing in things for material in thing.materials}))
+
+
+def grid_class(things: list[MaterialPoints], fps: float, gradients: bool, pushes: bool) -> Any:
+    """The class of the grid that takes the steps of a scene's bodies. gradients: explicit steps alone have some, and
+    are taken unless implicit ones are asked for. pushes: what pushes takes explicit steps."""
+    asked = any(thing.integrator == "implicit" for thing in things)
+    if pushes:
+        from wsim.physics.mpm.coupling.grid import PushingGrid
+        return PushingGrid
+    if chosen_integrator(things, fps) == "explicit" or gradients and not asked:
+        from wsim.physics.mpm.grid import SparseGrid
+        return SparseGrid
+    if things[0].material.law == "sand":
+        from wsim.physics.mpm.implicit.granular import GranularGrid
+        return GranularGrid
+    from wsim.physics.mpm.implicit.elastic import ElasticGrid
+    return ElasticGrid
+
+
+def pushed_things(model: Any) -> list:
+    """What material points push: rigid bodies, by their colliders; surfaces of cloth and soft bodies."""
+    return [*body_shells(model.scene), *obstacle_sheets(model)]
+
+
+def make_exchange(method: Any, b: Any) -> Any:
+    """What the particles of a method push, and the stage behind what is pushed; None where there is nothing."""
+    if not pushed_things(b.model):
+        return None
+    from wsim.physics.mpm.coupling.exchange import Exchange
+    density = np.array([material.density for material in method.materials])[method.material_of]
+    exchange = Exchange(b, method.corner, method.cell, method.laws, float(density @ method.volume))
+    method.stages.append(Stage("points beside bodies", "deform", lambda clock: exchange.settle_frame(method.grid, clock.dt), 6,
+                               method.part.bytes, "frame", "and surfaces, where these have gone"))
+    return exchange
