@@ -97,4 +97,32 @@ def hourglass() -> str:
         solid("Cylinder", "Bottom", lid + moved(0.0, 0.01, 0.0), wood), ground()], frames=36)
 
 
-GRAIN_SCENES = {"snowball": snowball, "jelly_cubes": jelly_cubes, "hourglass": hourglass}
+def sand_castle() -> str:
+    """Damp sand: it stands by its cohesion. The ball has 7 times its density."""
+    parts = []
+    towers = (("Keep", "Cylinder", "double radius = 0.13\ndouble height = 0.34\n" + upright(0.0, 0.17, 0.0)),
+              *((f"Tower{k}", "Cylinder", "double radius = 0.075\ndouble height = 0.22\n" + upright(x, 0.11, z))
+                for k, (x, z) in enumerate(((0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.25, -0.2)))),
+              *((f"Wall{k}", "Cube", placed((x - a, 0.0, z - b), (x + a, 0.12, z + b)))
+                for k, (x, z, a, b) in enumerate(((0.0, 0.2, 0.18, 0.04), (0.0, -0.2, 0.18, 0.04), (0.25, 0.0, 0.04, 0.13),
+                                                  (-0.25, 0.0, 0.04, 0.13)))))
+    for name, kind, lines in towers:
+        parts.append(body(name, (kind, lines), (0.66, 0.48, 0.26), 0.04,
+                          "" if parts else "Damp sand: its cohesion lets it stand upright.", material="sand", young=2e5,
+                          friction_angle=0.6, cohesion=1500.0))
+    ball = block("Sphere", "Ball", "double radius = 0.1\n" + moved(0.12, 0.62, 0.06)
+                 + "\ncolor3f[] primvars:displayColor = [(0.5, 0.06, 0.05)]\nvector3f physics:velocity = (-1, -3, -0.4)\n"
+                 "float physics:density = 11000", '["PhysicsRigidBodyAPI", "PhysicsCollisionAPI", "PhysicsMassAPI"]',
+                 "A ball that the sand stops, by as much momentum as the sand gets.")
+    return scene("A heavy ball falls on a sand castle.", [
+        settings(comment="Sand and ball push each other."), *parts, ball, ground(),
+        camera((0.82, 0.72, 1.14), 35.7, -26.0)], frames=24)
+
+
+def upright(x: float, y: float, z: float) -> str:
+    """A cylinder's axis, and its place [m]."""
+    return 'uniform token axis = "Y"\n' + moved(x, y, z)
+
+
+GRAIN_SCENES = {"snowball": snowball, "jelly_cubes": jelly_cubes, "hourglass": hourglass,
+                "sand_castle": sand_castle}

@@ -15,13 +15,12 @@ from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
-from wsim.physics.contact.collider.table import ColliderTable, kind_names
-from wsim.physics.mpm.coupling.choice import grid_class, law_names, make_exchange, pushed_things
+from wsim.physics.mpm.coupling.choice import grid_class, law_names, make_walls, pushed_things
+from wsim.physics.mpm.coupling.choice import signature as signature
 from wsim.physics.mpm.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
 from wsim.physics.mpm.grid import MORE
-from wsim.physics.mpm.implicit.choice import chosen_integrator
+from wsim.physics.mpm.measure import particle_sample
 from wsim.physics.mpm.memory import refuse_large_bodies
-from wsim.physics.mpm.results import particle_sample
 from wsim.physics.mpm.seeding import (
     PlacedPoints,
     count_blocks,
@@ -63,14 +62,6 @@ def build(b: Build) -> Method:
     return MaterialPointMethod(b)
 
 
-def signature(b: Any) -> list:
-    """Part of a scene's bodies that decides kernels."""
-    things, sinks = b.scene.things("MaterialPoints"), b.scene.things("MaterialSink")
-    pushed = pushed_things(b.model)
-    return [law_names(things), chosen_integrator(things, b.scene.fps, bool(pushed)), any(thing.pour for thing in things),
-            kind_names(sinks), kind_names(pushed)]
-
-
 class MaterialPointMethod(Method):
     """`part`: the particles. `grid`: what they meet on."""
 
@@ -100,9 +91,7 @@ class MaterialPointMethod(Method):
         v, C = (np.concatenate([getattr(each, name) for each in placed]) for name in "vC")
         self.part = self._allocate({"o": offset, "v": v, "C": C})
         b.state.add(self.part)
-        self.exchange = make_exchange(self, b)
-        colliders = ColliderTable(b.model, b.scene.colliders, self.corner) if b.scene.colliders else None
-        colliders = self.exchange.colliders if self.exchange else colliders
+        self.exchange, colliders = make_walls(self, b)
         blocks = b.model.worlds * (count_blocks(self.node) + np.count_nonzero(np.isfinite(self.times)) // POURED)
         self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8, self.flow)
         if self.exchange:
@@ -115,6 +104,9 @@ class MaterialPointMethod(Method):
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
         self.more, self.spare, self.time, self.begins, self.fps = MORE, SPARE, 0.0, 0.0, b.scene.fps
         self.base, self.recorded = b.clock.substeps, None
+        self._add_mpm_stages(b)
+
+    def _add_mpm_stages(self, b: Build) -> None:
         phase = "pose" if self.exchange else "predict"         # before that of what is pushed
         self.stages.append(Stage("material points", phase, self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
                                  f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))

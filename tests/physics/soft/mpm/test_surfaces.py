@@ -58,7 +58,10 @@ def test_a_hammock_carries_sand_of_a_hundred_times_its_mass():
         simulation.step()
         x = find_method(simulation).read_particles(0)["x"]
         assert heights_above(simulation.positions("/cloth"), *sheet[1:], x).min() > -1e-3
-        if frame >= 40:
+        if frame == 39:
+            before = whole_momentum(simulation, "/cloth")
+        elif frame >= 40:
             forces.append(simulation.reactions("/pins").reshape(-1, 3).sum(axis=0))
+    gained = (whole_momentum(simulation, "/cloth") - before) / (len(forces) / 60)            # it still swings up and down
     weight = 9.81 * (1600.0 * 0.2 * 0.1 * 0.2 + simulation.plan.model.bodies[0].masses.sum())
-    assert abs(np.mean(forces, axis=0)[1] / weight - 1) < 0.05
+    assert abs((np.mean(forces, axis=0) - gained)[1] / weight - 1) < 0.03

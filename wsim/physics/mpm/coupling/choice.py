@@ -6,6 +6,7 @@ import numpy as np
 
 from wsim.model.stage import Stage
 from wsim.physics.contact.collider.shells import body_shells, obstacle_sheets
+from wsim.physics.contact.collider.table import ColliderTable, kind_names
 from wsim.physics.mpm.implicit.choice import chosen_integrator
 from wsim.physics.mpm.objects import MaterialPoints
 
@@ -37,13 +38,22 @@ def pushed_things(model: Any) -> list:
     return [*body_shells(model.scene), *obstacle_sheets(model)]
 
 
-def make_exchange(method: Any, b: Any) -> Any:
-    """What the particles of a method push, and the stage behind what is pushed; None where there is nothing."""
+def signature(b: Any) -> list:
+    """Part of a scene's bodies that decides kernels."""
+    things, sinks = b.scene.things("MaterialPoints"), b.scene.things("MaterialSink")
+    pushed = pushed_things(b.model)
+    return [law_names(things), chosen_integrator(things, b.scene.fps, bool(pushed)), any(thing.pour for thing in things),
+            kind_names(sinks), kind_names(pushed)]
+
+
+def make_walls(method: Any, b: Any) -> tuple[Any, Any]:
+    """What the particles of a method push, with the stage behind what is pushed, or None where there is nothing; and the table
+    of all that they meet, or None."""
     if not pushed_things(b.model):
-        return None
+        return None, ColliderTable(b.model, b.scene.colliders, method.corner) if b.scene.colliders else None
     from wsim.physics.mpm.coupling.exchange import Exchange
     density = np.array([material.density for material in method.materials])[method.material_of]
     exchange = Exchange(b, method.corner, method.cell, method.laws, float(density @ method.volume))
     method.stages.append(Stage("points beside bodies", "deform", lambda clock: exchange.settle_frame(method.grid, clock.dt), 6,
                                method.part.bytes, "frame", "and surfaces, where these have gone"))
-    return exchange
+    return exchange, exchange.colliders

@@ -40,7 +40,7 @@ class OpenFrameReasons:
                   for d in j.drives.values() if d.acceleration and (d.stiffness or d.speed)][:1]
         found += [f"torque on {body.path}" for body in scene.things("Body") if np.any(body.torque)][:1]
         found += [f"fluid {f.path} around bodies" for f in (*scene.things("Fluid"), *scene.things("Liquid"))]
-        found += [f"material points {m.path} around bodies" for m in scene.things("MaterialPoints")]
+        found += [f"material points, such as {m.path}" for m in scene.things("MaterialPoints")][:1]
         found += [f"rods {r.path}" for r in scene.things("Rods")]
         self.always = found
         self.colliders = scene.colliders if points else []
