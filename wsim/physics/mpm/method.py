@@ -103,7 +103,7 @@ class MaterialPointMethod(Method):
         b.status.reserve(WORD, WORDS)
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
         self.more, self.spare, self.time, self.begins, self.fps = MORE, SPARE, 0.0, 0.0, b.scene.fps
-        self.base, self.recorded = b.clock.substeps, None
+        self.base, self.recorded = b.clock.substeps, None       # type: int, Any
         self._add_mpm_stages(b)
 
     def _add_mpm_stages(self, b: Build) -> None:
