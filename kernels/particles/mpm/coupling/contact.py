@@ -3,7 +3,8 @@
     node      dv = -min((v - u) . n, 0),  friction on dv;  J = -m (v_out - v_in), at the node
     particle  its way ends at the first hit, or slides on; J = -m (v_out - v_in) at its new place, and the angular momentum
               -(x_out - x_in) x m v_in of the change of place besides: then the sum of both stays as it is
-    response  of the body of a node that presses: J = K (v - u(y)),  K = m where it sticks, else m (n - mu t) n^T
+    response  of the body of a node that presses: J = K (v - u(y)),  K = m (b + (1 - b) n n^T),
+              b = min(mu press / slip, 1):  friction as drag, which leaves a light body with what rubs on it
 """
 
 # ruff: noqa: UP018
@@ -23,6 +24,7 @@ from wsim.kernels.particles.mpm.walls import HALF, NEAR, OFF, SKIN, SLIDES
 GAP = wp.constant(0.25)            # cells that a particle keeps from what it pushes: half of the way to the next particle,
                                    # so that a body displaces its own volume
 
+TOUCH = wp.constant(0.1)           # cells: a body so near to the surface of a collider lies on it
 FAR = wp.constant(8.0)             # cells: meshes that nodes have met are nearer than that to the particles of these
 
 
@@ -44,25 +46,34 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
 
     @wp.func
     def press_node(w: tables.Walls, k: int, n: t.vec3, u: t.vec3, v: t.vec3):
-        """(velocity of a node that a wall of velocity u holds, tangent times friction where it slides, 2 where it sticks, 1
-        where it slides, 0 where it leaves)."""
+        """(velocity of a node that a wall of velocity u holds, part of its slip that friction stops, -1 where it leaves)."""
         rest = v - u
         press = -wp.dot(rest, n)
         held = v
-        mode = int(0)
-        slip = t.vec3()
+        bound = real(-1.0)
         if press > real(0.0):
             rest += press * n
             speed = wp.length(rest)
             rub = w.table.friction[k]
             part = real(0.0)
-            mode = int(2)
             if speed > rub[0] * press:
-                mode = int(1)
                 part = wp.max(real(1.0) - rub[1] * press / speed, real(0.0))
-                slip = wp.min(rub[1], speed / press) / speed * rest
+            bound = real(1.0) - part
             held = u + part * rest
-        return held, slip, mode
+        return held, bound
+
+    @wp.func
+    def taking_row(w: tables.Walls, k: int, world: int, p: t.vec3, time: real):
+        """The row that takes what a node loses to row k, near p on its surface: k, or that of a body that lies there, where
+        the particles of the node press on the collider through the body."""
+        taker = int(k)
+        if w.pushed.first[k] < 0:
+            for other in range(w.table.kind.shape[0]):
+                if w.table.owner[other] >= 0 and meets_world(w, other, world):
+                    phi, n, q = ask.closest(w.table, other, p, time)
+                    if phi <= real(TOUCH) * w.pushed.dx:
+                        taker = other
+        return taker
 
     @wp.func
     def sense_node(w: tables.Walls, world: int, y: t.vec3, v: t.vec3, m: real, clock: wp.array(dtype=real), share: int):
@@ -71,13 +82,12 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
             if meets_world(w, k, world):
                 phi, n, p = ask.closest(w.table, k, y, clock[1])
                 if phi <= real(GAP) * w.pushed.dx:
-                    u = ask.rate(w.table, k, y, clock[1])
-                    out, slip, mode = press_node(w, k, n, u, held)
-                    if mode > 0 and w.table.owner[k] >= 0:
-                        K = m * wp.identity(n=3, dtype=real)
-                        if mode == 1:
-                            K = m * wp.outer(n - slip, n)
-                        give.add_response(w, w.table.owner[k], y, K, held, clock[0], share)
+                    taker = taking_row(w, k, world, p, clock[1])
+                    u = ask.rate(w.table, taker, y, clock[1])
+                    out, bound = press_node(w, taker, n, u, held)
+                    if bound >= real(0.0) and w.table.owner[taker] >= 0:
+                        K = m * (bound * wp.identity(n=3, dtype=real) + (real(1.0) - bound) * wp.outer(n, n))
+                        give.add_response(w, w.table.owner[taker], y, K, held, clock[0], share)
                     held = out
 
     @wp.func
@@ -94,15 +104,27 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 if w.table.kind[k] == SHEET:
                     inside = real(HALF) * w.pushed.dx
                 if phi <= inside:
-                    u = ask.rate(w.table, k, y, clock[1])
-                    out, slip, mode = press_node(w, k, n, u, held)
-                    if mode > 0:
-                        if w.table.owner[k] >= 0:
-                            give.give_body(w, w.table.owner[k], y, m * (held - out), t.vec3(), clock[0], share)
+                    taker = taking_row(w, k, world, p, clock[1])
+                    u = ask.rate(w.table, taker, y, clock[1])
+                    out, bound = press_node(w, taker, n, u, held)
+                    if bound >= real(0.0):
+                        if w.table.owner[taker] >= 0:
+                            give.give_body(w, w.table.owner[taker], y, m * (held - out), t.vec3(), clock[0], share)
                         elif w.pushed.first[k] >= 0:
                             lost += held - out
                     held = out
         return held, near, lost
+
+    @wp.func
+    def free_ride(w: tables.Walls, world: int, hit: int, y: t.vec3, ride: t.vec3, time: real):
+        """Part of the way that a particle goes with what it has hit, where no other collider is that nothing pushes: between
+        a body and the floor it stays above the floor."""
+        free = real(1.0)
+        for k in range(w.table.kind.shape[0]):
+            if w.pushed.first[k] < 0 and k != hit and meets_world(w, k, world):
+                s, n = ask.first_hit(w.table, k, y, time, y + ride, time, real(0.5) * real(SKIN) * w.pushed.dx)
+                free = wp.min(free, s)
+        return free
 
     @wp.func
     def walk_particle(w: tables.Walls, world: int, y: t.vec3, way: t.vec3, v: t.vec3, clock: wp.array(dtype=real)):
@@ -149,7 +171,7 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 rest += (real(OFF) * skin - into) * n
             last = ride
         if hit >= 0:
-            gone += last
+            gone += free_ride(w, world, hit, y + gone, last, time + h) * last
         return gone, slow, met, lost
 
     @wp.func

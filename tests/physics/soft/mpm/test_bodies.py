@@ -138,3 +138,32 @@ def test_same_bits_twice_and_in_each_world():
             assert np.array_equal(array.numpy()[:n], other.arrays[name].numpy()[n:2 * n]), name
     spin = one.plan.method("rigid").spins()[0]
     assert np.linalg.norm(spin - [3, 0, 20]) > 0.5             # sand slows it by friction
+
+
+@pytest.mark.parametrize(("mass", "thickness"), [(0.128, 0.05), (128.0, 0.05), (0.128, 0.1)])
+def test_a_plate_on_the_floor_carries_all_of_the_sand_on_it(mass, thickness):
+    """The floor bears what the sand presses with, up to 100 times the plate's weight; none of it goes to the floor past the
+    plate, though nodes below the thin ones reach the sand. Nothing slides, nor turns."""
+    scene = make_world()
+    scene.body("/plate", wsim.Box((0.7, 0.5 * thickness, 0.7)), at=(0, 0.5 * thickness, 0), mass=mass)
+    scene.mpm("/heap", wsim.Box((0.1, 0.1, 0.1)), at=(0, thickness + 0.1, 0), cell=0.05, material=Granular(friction_angle=0.6))
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(40)
+    weight = 1600.0 * 0.008 * 9.81
+    assert np.abs(mean_force(simulation, 10) / weight - [0, -1, 0]).max() < 2e-3
+    rigid, x = body_state(simulation)
+    assert np.abs(x[0] - [0, 0.5 * thickness, 0]).max() < 3e-3 and np.abs(rigid.velocities()).max() < 1e-4
+    assert np.abs(find_method(simulation).read_particles(2)["x"][:, [0, 2]]).max() < 0.3
+
+
+def test_no_particle_goes_into_the_floor_below_a_ball_that_falls_through():
+    """The ball has 7 times the density of the sand, and reaches the floor: where it does, there is room for none."""
+    scene = bed(Granular(friction_angle=0.6), depth=0.05)
+    scene.body("/ball", wsim.Sphere(0.1), at=(0.02, 0.35, 0), density=11000.0, velocity=(-0.5, -5, 0))
+    simulation = wsim.Simulation(scene, device="cpu")
+    lowest = []
+    for _ in range(10):
+        simulation.step()
+        assert simulation.indicators()["mpm_penetration"] == 0
+        lowest.append(body_state(simulation)[1][0, 1])
+    assert min(lowest) < 0.102

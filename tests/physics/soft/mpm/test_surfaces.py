@@ -44,8 +44,8 @@ def test_momentum_stays_when_jelly_hits_a_cloth(solver):
     assert heights_above(simulation.positions("/cloth"), *sheet[1:], find_method(simulation).read_particles(0)["x"]).min() > 0
 
 
-def test_a_hammock_carries_sand_of_a_hundred_times_its_mass():
-    """What its pins bear is the weight of the sand and the cloth."""
+def test_a_hammock_carries_sand_of_44_times_its_mass():
+    """What its pins bear is the weight of the sand and the cloth, and what these gain of momentum; nothing passes."""
     scene = wsim.Scene(fps=60)
     sheet = wsim.shapes.sheet(0.8, 0.6, 16, 12, horizontal=True)
     cloth = scene.cloth("/cloth", *sheet, material=wsim.Fabric(density=300.0, stretch=4000.0, shear=1000.0, bend=1e-3,
@@ -57,11 +57,11 @@ def test_a_hammock_carries_sand_of_a_hundred_times_its_mass():
     for frame in range(120):
         simulation.step()
         x = find_method(simulation).read_particles(0)["x"]
-        assert heights_above(simulation.positions("/cloth"), *sheet[1:], x).min() > -1e-3
+        assert heights_above(simulation.positions("/cloth"), *sheet[1:], x).min() > 0
         if frame == 39:
             before = whole_momentum(simulation, "/cloth")
         elif frame >= 40:
             forces.append(simulation.reactions("/pins").reshape(-1, 3).sum(axis=0))
     gained = (whole_momentum(simulation, "/cloth") - before) / (len(forces) / 60)            # it still swings up and down
     weight = 9.81 * (1600.0 * 0.2 * 0.1 * 0.2 + simulation.plan.model.bodies[0].masses.sum())
-    assert abs((np.mean(forces, axis=0) - gained)[1] / weight - 1) < 0.03
+    assert abs((np.mean(forces, axis=0) - gained)[1] / weight - 1) < 0.005
