@@ -70,7 +70,7 @@ def count_material_points(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
     from wsim.physics.mpm.implicit.choice import chosen_integrator, explicit_steps, materials_of
     from wsim.physics.mpm.memory import estimated_particles
     particles, cell = sum(estimated_particles(thing, scene) for thing in things), things[0].cell
-    if chosen_integrator(things, scene.fps) == "implicit":
+    if chosen_integrator(things, scene.fps, bool(scene.things("Body") or scene.bodies())) == "implicit":
         speed = max(float(np.linalg.norm(np.atleast_2d(thing.velocity), axis=1).max(initial=0.0)) for thing in things)
         crossed = 2.0 if things[0].material.law == "sand" else 1.0            # cells in a step, at most
         steps = max(1, ceil(speed / (crossed * cell * scene.fps)))
