@@ -36,6 +36,7 @@ from wsim.simulation.methods import (
 from wsim.simulation.predicted.sag import set_rigid_substeps
 
 LAUNCH = 5.5e3           # [B] of a launch of the table in a graph of a CPU: crossed cloths, 84 of them in a substep
+OWN_STEPS = {"fluid", "liquid", "mpm"}          # methods that choose their steps in a frame, whatever the substeps
 SMALL = 1 << 28          # bytes of a graph, for which there is room
 
 
@@ -181,7 +182,7 @@ class SimulationPlan:
         bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
-                 "" if self.choice.solver == "none" and all(r["rate"] == "frame" for r in rows) else
+                 "" if {row.name for row, _ in each_method_object(m.scene) if not row.posed} <= OWN_STEPS and not m.points else
                  f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * (c.integrator.solves > 1)}, "
                  f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
                  f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
