@@ -1,4 +1,5 @@
-"""Scenes of joints without shapes, and what is read off them. They share one set of kernels for each precision."""
+"""Scenes of joints without shapes in maximal coordinates (those of `trees` are reduced), and what is read off them. They share
+one set of kernels for each precision."""
 
 import numpy as np
 
@@ -15,8 +16,9 @@ def rod(path: str, at, mass: float = 1.0, moments=(0.01, 0.02, 0.02), **more) ->
     return Body(path, [], Motion.at_place(at), mass=mass, center=(0.0, 0.0, 0.0), inertia=moments, **more)
 
 
-def scene(*things, gravity=(0.0, -G, 0.0), fps: float = 60.0, substeps: int = 8, **more) -> Scene:
-    found = Scene(gravity=gravity, fps=fps, substeps=substeps, **more)
+def scene(*things, gravity=(0.0, -G, 0.0), fps: float = 60.0, substeps: int = 8,
+          coordinates: str = "maximal", **more) -> Scene:
+    found = Scene(gravity=gravity, fps=fps, substeps=substeps, coordinates=coordinates, **more)
     for thing in things:
         found.add(thing)
     return found

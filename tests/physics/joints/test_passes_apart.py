@@ -12,7 +12,7 @@ from wsim.simulation.simulation import Simulation
 
 def pendulum_on_a_floor(restitution: float) -> Scene:
     """Two balls: one hangs from the world and swings into the other, which lies on a floor."""
-    scene = Scene(fps=60.0, substeps=4, iterations=4, frames=30)
+    scene = Scene(fps=60.0, substeps=4, iterations=4, frames=30, coordinates="maximal")
     balls = []
     for k, (x, y) in enumerate(((-0.3, 0.37), (0.11, 0.05))):
         shape = Collider(f"/ball{k}/shape", Sphere(0.05), restitution=restitution)
