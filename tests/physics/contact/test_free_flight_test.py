@@ -79,7 +79,7 @@ def test_what_cannot_be_without_contacts_has_them_in_every_frame():
     always = [sheet(Sphere(0.5), **MARCH) for _ in range(2)]
     always[0].colliders[0] = replace(always[0].colliders[0], restitution=0.5)
     for k in range(64):
-        always[1].collider(f"/{k}", Sphere(0.01), at=(0.1 * k, 0.0, -20.0))
+        always[1].collider(f"/c{k}", Sphere(0.01), at=(0.1 * k, 0.0, -20.0))
     for scene in always:
         assert not Simulation(scene, **CPU).plan.parted
     assert not Simulation(sheet(Sphere(0.5), **MARCH), gradients=True, **CPU).plan.parted
@@ -220,8 +220,8 @@ def test_no_search_finds_a_contact_of_points_within_their_clearance(seed):
     scene = Scene(fps=60.0, substeps=5, solver="xpbd", gravity=(0.0, 0.0, 0.0), up="Z")
     n = 4000
     scene.net("/points", rng.uniform(-8.0, 8.0, (n, 3)), np.arange(n).reshape(-1, 2), [1.0], [1.0], radius=1e-3)
-    scene.collider("/0", shape, motion=turning(rng, **how))
-    scene.collider("/1", Plane(), motion=rising(-3.0, -2.8))
+    scene.collider("/c0", shape, motion=turning(rng, **how))
+    scene.collider("/c1", Plane(), motion=rising(-3.0, -2.8))
     sim = Simulation(scene, **CPU)
     sim.load()
     contact = sim.plan.method("contact")

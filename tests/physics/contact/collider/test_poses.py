@@ -43,7 +43,7 @@ def test_motions_on_the_device_are_those_of_the_host(seed):
     stretched = motion(rng, 5)
     stretched.values[:, :3, :3] = stretched.values[:, :3, :3] @ (np.eye(3) + 1e-5 * rng.uniform(-1, 1, (5, 3, 3)))
     given.append(stretched)
-    c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(given)])
+    c = tried([Collider(f"/c{k}", Sphere(0.1), m) for k, m in enumerate(given)])
     for time in (-2.0, -1.1, *rng.uniform(-1.0, 2.0, 8), 1.9, *(given[2].times[[0, 2, 5]])):
         c.prepare(time)
         A, p = (array.numpy() for array in (c.poses.device_rows.sampled.A, c.poses.device_rows.sampled.p))
@@ -95,13 +95,13 @@ def test_a_motion_set_live_is_met_from_the_next_frame_on():
     count = 6
     scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=24.0, substeps=3)
     scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 2, 2, horizontal=True, up="Z"))
-    given = {f"/{k}": motion(rng) for k in range(count)} | {"/still": Motion.at_place((0.2, 0.1, -3.0))}
+    given = {f"/c{k}": motion(rng) for k in range(count)} | {"/still": Motion.at_place((0.2, 0.1, -3.0))}
     for path, own in given.items():
         scene.collider(path, Sphere(0.01), motion=own)
     sim = Simulation(scene, device="cpu", precision="float64")
     contact = sim.plan.method("contact").contacts
-    changes = [{}, {"/1": motion(rng)}, {"/2": motion(rng).values[3]}, {"/still": motion(rng)}, {},
-               {f"/{k}": np.eye(4) for k in range(3, count)}, {"/3": motion(rng)}]
+    changes = [{}, {"/c1": motion(rng)}, {"/c2": motion(rng).values[3]}, {"/still": motion(rng)}, {},
+               {f"/c{k}": np.eye(4) for k in range(3, count)}, {"/c3": motion(rng)}]
     many = []
     for frame, change in enumerate(changes):
         for path, value in change.items():
@@ -271,11 +271,11 @@ def test_gradients_of_many_colliders_are_those_of_each(monkeypatch):
         for k in range(12):
             own = motion(rng, 3, [0.5], 0.02)
             own.values[:, :3, 3] += (0.1 * (k % 3 - 1), 0.2 * (k % 2) - 0.1, -0.08)
-            scene.collider(f"/{k}", Sphere(0.05 + 0.001 * k), motion=own)
+            scene.collider(f"/c{k}", Sphere(0.05 + 0.001 * k), motion=own)
         run = Run(scene, frames=2)
         c = run.sim.plan.method("contact").contacts
         assert (c.tree is None) == (many > 1) and len(c.poses.many) == (12 if most == 0 else 0)
-        found.append([run.gradient.positions("/net"), *(run.gradient.motion(f"/{k}") for k in range(12))])
+        found.append([run.gradient.positions("/net"), *(run.gradient.motion(f"/c{k}") for k in range(12))])
     assert sum(np.abs(by).max() > 1e-3 for by in found[0][1:]) > 3
     for device, host in zip(*found, strict=True):
         np.testing.assert_allclose(device, host, rtol=1e-11, atol=1e-12)

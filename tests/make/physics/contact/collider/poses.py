@@ -45,7 +45,7 @@ def mixed(rng, count=12) -> list[Collider]:
     shift = np.array((0.3, 0.1, 0.0), np.float32)
     swell = Curve(np.array([-1.0, 2.0]), np.stack([points, 1.5 * points]))
     kinds = [Sphere(0.1), Box((0.1, 0.2, 0.1)), Capsule(0.1, 0.1), Surface(points + shift, counts, indices)]
-    found = [Collider(f"/{k}", kinds[k % 4], motion(rng), thickness=0.001 * k) for k in range(count)]
+    found = [Collider(f"/c{k}", kinds[k % 4], motion(rng), thickness=0.001 * k) for k in range(count)]
     return [*found, Collider("/still", Sphere(0.2), Motion.at_place((0.1, 0.2, 0.3))), Collider("/floor", Plane(), motion(rng)),
             Collider("/swelling", Surface(points, counts, indices, swell), motion(rng), thickness=0.0)]
 
@@ -67,7 +67,7 @@ def crowd(seed: int, count=80) -> Scene:
     for k in range(count):
         own = motion(rng, 6, [0.5], 0.6) if k % 3 else Motion.at_place(rng.uniform(-0.6, 0.6, 3))
         own.values[:, 2, 3] *= 0.1
-        scene.collider(f"/{k}", kinds[k % 4], motion=own)
+        scene.collider(f"/c{k}", kinds[k % 4], motion=own)
     scene.collider("/swelling", swelling, (0.1, 0.0, -0.05))
     for count, x in ((ROOM + 4, 0.35), (MOST + 8, -0.35)):
         for k in range(count):
