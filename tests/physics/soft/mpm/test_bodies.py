@@ -167,3 +167,25 @@ def test_no_particle_goes_into_the_floor_below_a_ball_that_falls_through():
         assert simulation.indicators()["mpm_penetration"] == 0
         lowest.append(body_state(simulation)[1][0, 1])
     assert min(lowest) < 0.102
+
+
+def test_a_run_with_a_plate_that_a_floor_holds_restarts_to_the_bit(tmp_path):
+    """What holds a body is of the state."""
+    from dataclasses import replace
+
+    from wsim.cli.run import prepare_recorded_run
+    scene = make_world()
+    scene.body("/plate", wsim.Box((0.3, 0.025, 0.3)), at=(0, 0.025, 0), mass=0.128)
+    scene.mpm("/heap", wsim.Box((0.1, 0.1, 0.1)), at=(0, 0.15, 0), cell=0.05, material=Granular(friction_angle=0.6))
+
+    def run(output, frames, restart=None):
+        job = prepare_recorded_run(replace(scene, frames=frames), str(tmp_path / output),
+                                   lambda s: wsim.Simulation(s, device="cpu"), restart=restart and str(tmp_path / restart))
+        job.frames()
+        return job.simulation
+    whole, _ = run("o.usdc", 8), run("half.usdc", 4)
+    rest = run("rest.usdc", 8, "half.usdc")
+    assert np.abs(whole.state.parts["mpm bodies"].arrays["held"].numpy()).max() > 0.5
+    for part in ("mpm", "bodies", "mpm bodies"):
+        for field in whole.state.parts[part].kept:
+            assert np.array_equal(*(s.state.parts[part].arrays[field.name].numpy() for s in (whole, rest))), field.name
