@@ -248,7 +248,8 @@ def test_a_fit_goes_on_where_it_was_stopped(swing, tmp_path):
 @pytest.mark.parametrize("asked, words", [
     ("", "none is named"), ("elasticity", "elasticity: is no parameter; allowed are stretch"),
     ("thickness", "is fixed while a scene runs"), ("/no/cloth:stretch", "/no/cloth: nothing here has stretch"),
-    ("young", "it belongs to soft"), ("stretch,/sheet:stretch", "named twice"), ("damping", "give a start value"),
+    ("young", "it belongs to material points, soft;"), ("stretch,/sheet:stretch", "named twice"),
+    ("damping", "give a start value"),
     ("wind", "no cloth has drag or lift"), ("stretch,stretch_weft", "named twice"),
     ("/sheet:gravity", "the whole scene's"), ("strain_limit", "where it is finite from the start")])
 def test_a_parameter_that_cannot_be_fitted_is_named_with_those_that_can(asked, words):

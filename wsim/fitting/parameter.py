@@ -22,7 +22,7 @@ from wsim.fitting import shared as sharing
 from wsim.fitting.least_squares.bounds import LARGE, WIDE, FittingMap
 from wsim.scene import Load, Problem, Scene, SceneError
 from wsim.scene.check.varying import NEEDS, has_painted_stiffness, unfittable_parameter
-from wsim.scene.methods import each_method_object
+from wsim.scene.methods import each_method_object, separated_words
 from wsim.scene.nodal.masses import single_density
 from wsim.scene.values import table
 from wsim.scene.values.value import ValueRow, value_holder
@@ -223,11 +223,11 @@ def _parameters_of_name(name: str, scenes: list[Scene], fail: Callable[[Problem]
     maps = [_map(r) for p in made for scene in scenes for r, _ in p.rows(scene)]
     if not maps:
         have = [b.path for s in scenes for b in fit_things(s) for r in mine if _has_value(r, b, s)]
-        kinds = ", ".join(sorted({r.owner.lower() for r in mine}))
+        kinds = ", ".join(sorted({separated_words(r.owner) for r in mine}))
         more = "".join({"membrane": "; of a cloth it acts in the model 'membrane'",
                         "finite": "; a cloth has one where it is finite from the start"}.get(need, "") for need in row.needs)
-        fail(Problem(path or name, f"nothing here has {what}: it belongs to {kinds}{more}; those that have it: "
-                     f"{', '.join(dict.fromkeys(have)) or 'none'}"))
+        named = ", ".join(dict.fromkeys(have)) or "none"
+        fail(Problem(path or name, f"nothing here has {what}: it belongs to {kinds}{more}; those that have it: {named}"))
         return []
     return [replace(p, map=min(maps, key=lambda m: m.low)) for p in made]
 

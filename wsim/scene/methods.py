@@ -267,9 +267,14 @@ def count_noun(n: int, noun: str) -> str:
     return f"{n} {noun}" if n == 1 else f"{n} {noun[:-1]}ies" if noun.endswith("y") else f"{n} {noun}s"
 
 
+def separated_words(name: str) -> str:
+    """MaterialPoints: material points."""
+    return re.sub("(?<=[a-z])(?=[A-Z])", " ", name).lower()
+
+
 def _class_noun(name: str) -> str:
     """Of a class of things, each of which may be many: body, fluid domain; rod prim."""
-    words = re.sub("(?<=[a-z])(?=[A-Z])", " ", name).lower()
+    words = separated_words(name)
     return f"{words[:-1]} prim" if words.endswith("s") else words
 
 
