@@ -29,7 +29,7 @@ def test_motions_of_every_kind_are_those_of_the_host(monkeypatch):
     motions += [Stack([Part(SHIFT, both(seed, jumps=True, before=outside, after=outside)[0]), made("catmull_rom")])
                 for seed, outside in enumerate(OUTSIDE)]
     motions = [m for m in motions if not m.plain]
-    c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(motions)], device="cuda:0")
+    c = tried([Collider(f"/c{k}", Sphere(0.1), m) for k, m in enumerate(motions)], device="cuda:0")
     for time in (-7.0, -1.9, 0.37, 1.9, 3.7, 11.0):
         c.prepare(time)
         of, t = c.poses.device_rows.sampled, time + 0.5 * np.arange(8) / 7
@@ -49,7 +49,7 @@ def test_ten_thousand_colliders_on_curves_take_a_millisecond_of_the_host():
             swing = Curve([0.0, 1.0, 2.0], rng.normal(size=3), "bezier", leave=rng.normal(size=3))
             turn = Curve([0.0, 1.0, 2.0], rng.normal(size=3), "catmull_rom")
             motions.append(Stack([Part(SHIFT, swing, 0), Part(TURN, turn, 2)]))
-    c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(motions)], device="cuda:0")
+    c = tried([Collider(f"/c{k}", Sphere(0.1), m) for k, m in enumerate(motions)], device="cuda:0")
     c.prepare(0.0)
     taken = []
     for frame in range(30):

@@ -21,7 +21,7 @@ CLOSE = {"rtol": 0.0, "atol": 1e-12}
 
 def sampled(motions, time, dt=0.5) -> np.ndarray:
     """(motions, 8, 4, 4) of the device, from `time` on."""
-    c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(motions)])
+    c = tried([Collider(f"/c{k}", Sphere(0.1), m) for k, m in enumerate(motions)])
     c.prepare(time)
     of = c.poses.device_rows.sampled
     assert c.poses.many.tolist() == of.row.tolist() == list(range(len(motions))) and of.split == 0
