@@ -199,9 +199,7 @@ def link_contact_functions(real):
     @standalone_function
     @wp.func
     def solve_link_manifold(m: int, k: int, h: real, biased: int, rig: Rig, T: Trees):
-        """One visit of a sweep; returns the largest change of a point's velocity [m/s]."""
         count = rig.c.count[m]
-        change = real(0.0)
         if count > 0:
             pair = read_link_pair(m, k, rig, T)
             n = rig.c.n[m]
@@ -228,7 +226,6 @@ def link_contact_functions(real):
             for i in range(4):
                 if i < count:
                     rig.c.push[4 * m + i] = before[i] + more[i]
-                    change = wp.max(change, wp.abs(more[i]) * rig.work.A[m][i, i])
                     more_a, more_b = push_pair(pair, m, i, more[i] * n, rig)
                     a += more_a
                     b += more_b
@@ -240,10 +237,8 @@ def link_contact_functions(real):
                 pair = feel_wrenches(pair, more_a, more_b)
                 a += more_a
                 b += more_b
-                change = wp.max(change, wp.length(rub - rig.c.rub[j]) * (rig.work.K[j][0] + rig.work.K[j][2]))
                 rig.c.rub[j] = rub
             give_wrenches(pair, a, b, T)
-        return change
 
     @standalone_function
     @wp.func

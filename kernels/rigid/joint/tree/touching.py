@@ -24,13 +24,10 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.lists.pairs import body_straying_func
 from wsim.kernels.rigid.soft_step import body_steps
 
-MOST = wp.constant(500)          # sweeps, where they end at a residual
-
 
 def touching_tree_kernel(real, module):
-    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], over worlds. Manifolds are those of steps[0]. Sweeps:
-    steps[2],
-    or until no point's velocity changes by more than `tolerance` [m/s], where that is above 0. P: scratch of the prediction."""
+    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], over worlds, with steps[2] sweeps. Manifolds are those of
+    steps[0]. P: scratch of the prediction."""
     Rig, contact, f, count = rig_type(real), link_contact_functions(real), tree_step_functions(real), manifold_count_func(real)
     meet, prepare, warm, solve = contact.meet, contact.prepare, contact.warm, contact.solve
     begin, stages, implicit, write = f.begin, f.stages, f.implicit, f.write
@@ -98,14 +95,11 @@ def touching_tree_kernel(real, module):
     @standalone_function
     @wp.func
     def sweep_world(w: int, k: int, h: real, biased: int, rig: Rig, J: Linked, T: Trees):
-        """One sweep over a world; returns the largest change of a velocity [m/s]."""
-        change = real(0.0)
+        """One sweep over a world."""
         for m in range(first_manifold_of_world(w, rig), first_manifold_of_world(w + 1, rig)):
-            change = wp.max(change, solve(m, k, h, biased, rig, T))
+            solve(m, k, h, biased, rig, T)
         for g in range(T.first_tree[w], T.first_tree[w + 1]):
-            left = sweep_tree_limits(g, wp.float64(biased) * wp.float64(h), T, J)
-            T.left[g] = left
-        return change
+            sweep_tree_limits(g, wp.float64(biased) * wp.float64(h), T, J)
 
     @standalone_function
     @wp.func
@@ -115,7 +109,7 @@ def touching_tree_kernel(real, module):
             orient(i, rig)
             stray(i, h, rig)
 
-    def rigid_touching_trees(steps: wp.vec3i, h: real, tolerance: real, rig: Rig, J: Linked, T: Trees, P: Trees):
+    def rigid_touching_trees(steps: wp.vec3i, h: real, rig: Rig, J: Linked, T: Trees, P: Trees):
         w = wp.tid()
         d = wp.float64(h)
         one = T.first_tree[w]
@@ -133,13 +127,8 @@ def touching_tree_kernel(real, module):
                 predict_tree(g, k, d, rig, J, T, P)
             for m in range(first_manifold_of_world(w, rig), first_manifold_of_world(w + 1, rig)):
                 warm(m, k, h, rig, T)
-            sweeps = int(0)
-            change = real(1.0e30)
-            while (sweeps < steps[2] and tolerance <= real(0.0)) or (sweeps < MOST and tolerance > real(0.0)
-                                                                     and change > tolerance):
-                change = sweep_world(w, k, h, 1, rig, J, T)
-                sweeps += 1
-            wp.atomic_max(rig.work.residual, 1, change)
+            for _sweep in range(steps[2]):
+                sweep_world(w, k, h, 1, rig, J, T)
             for g in range(one, last):
                 move_tree(g, d, T, P)
                 ready_tree(g, k + 1, h, rig, J, T)

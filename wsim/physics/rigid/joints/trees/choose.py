@@ -11,8 +11,6 @@ from wsim.physics.rigid.joints.tables import DeviceJoints
 from wsim.physics.rigid.meetings import has_restitution
 from wsim.scene import Problem, SceneError
 
-COORDINATES = ("auto", "maximal", "reduced")
-
 
 def why_maximal(b) -> str:
     """Reason why a scene cannot have reduced coordinates that does not lie in its joints, or ""."""

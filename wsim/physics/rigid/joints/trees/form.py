@@ -15,12 +15,10 @@ class TreeContactForm(ContactPassForm):
 
     @property
     def what(self) -> str:
-        return "reduced coordinates, a thread for each world" + f", until the residual is under {self.tolerance:g} m/s" * (
-            self.tolerance > 0.0)
+        return "reduced coordinates, a thread for each world"
 
     def make(self, model, bouncing: bool, linked: int = 0) -> None:
         self.model, self.islands = model, linked
-        self.residual = model.scene.contact_tolerance
         module = model.shared_module("rigid_touching_trees")
         self.kernels["trees"] = touching_tree_kernel(model.real, module)
 
@@ -28,7 +26,7 @@ class TreeContactForm(ContactPassForm):
         rig.work.strayed.zero_()
         trees = self.trees
         self.model.launch(self.kernels["trees"], self.model.worlds,
-                          [wp.vec3i(*steps), h, self.residual, rig, trees.linked, trees.trees, trees.scratch], [])
+                          [wp.vec3i(*steps), h, rig, trees.linked, trees.trees, trees.scratch], [])
 
     def launches(self, steps: int, sweeps: int) -> int:
         return 2 * steps
