@@ -16,7 +16,7 @@ from wsim.model.ports import Ports as Ports
 from wsim.model.ports import join_offered_ports
 from wsim.model.status import FrameStatus
 from wsim.scene.integrator import Integrator
-from wsim.scene.samples import Sample
+from wsim.scene.samples import ContactPoints, Sample
 
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
 OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 2.2e-4 at 1, 1.2e-4 at 1.3, 8e-5 at 1.5; with
@@ -228,6 +228,10 @@ class Method:
 
     def samples(self, world: int = 0) -> list[Sample]:
         """Samples for results of this method, now, of one world."""
+        return []
+
+    def contact_points(self, clock: Clock) -> list[ContactPoints]:
+        """Contacts at the end of the frame, of all worlds, with forces of its last substep."""
         return []
 
     def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:

@@ -3,8 +3,8 @@
 A prim that is not in the scene's stage is made in the result. How each kind is written: `wsim.usd.result.kinds.rows`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -120,3 +120,59 @@ class Joints:
 
 
 Sample = PointSample | TransformSample | Joints | InstanceSample | ParticleSample | QuantitySample | VolumeSample | ColourSample
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """Contact points at the end of a frame, with forces of its last substep: n rows, in a fixed order.
+
+    path0          prim paths of what the force acts on, (n,)
+    path1          prim paths of the other side, (n,)
+    world          number of the world, (n,)
+    element        number of the point of a cloth or soft body at path0, in the author's order; -1 of a rigid body, (n,)
+    point          places, world (n, 3) [m]: in the middle of the gap
+    normal         unit vectors from path1 to path0, world (n, 3)
+    gap            distances along the normal (n,) [m]; negative where both overlap
+    normal_force   sizes of the normal forces, (n,) [N]
+    friction       friction forces on path0, world (n, 3) [N]
+    """
+
+    path0: np.ndarray
+    path1: np.ndarray
+    world: np.ndarray
+    element: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    gap: np.ndarray
+    normal_force: np.ndarray
+    friction: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.path0)
+
+    @property
+    def force(self) -> np.ndarray:
+        """Forces on path0, world (n, 3) [N]; on path1 the same with the other sign."""
+        return self.normal_force[:, None] * self.normal + self.friction
+
+    def rows(self, which: np.ndarray) -> "ContactPoints":
+        """Rows by number or by mask."""
+        return ContactPoints(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def seen_from(self, path: str) -> "ContactPoints":
+        """Contacts of a prim, with that prim at path0."""
+        turn = (self.path1 == path) & (self.path0 != path)
+        sign = np.where(turn, -1.0, 1.0)[:, None]
+        found = ContactPoints(np.where(turn, self.path1, self.path0), np.where(turn, self.path0, self.path1), self.world,
+                              np.where(turn, -1, self.element), self.point, sign * self.normal, self.gap, self.normal_force,
+                              sign * self.friction)
+        return found.rows(found.path0 == path)
+
+
+def join_contact_points(parts: Iterable[ContactPoints]) -> ContactPoints:
+    """All rows behind each other."""
+    none = np.zeros(0)
+    empty = ContactPoints(none.astype(str), none.astype(str), none.astype(int), none.astype(int), np.zeros((0, 3)),
+                          np.zeros((0, 3)), none, none, np.zeros((0, 3)))
+    found = [empty, *parts]
+    return ContactPoints(*(np.concatenate([getattr(each, f.name) for each in found]) for f in fields(ContactPoints)))

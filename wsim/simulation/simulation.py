@@ -28,13 +28,14 @@ from wsim.simulation.measure.captures import FrameGraphs, capture_forms, capture
 from wsim.simulation.measure.exceeded import ExceededNote, note_exceeded_limits
 from wsim.simulation.measure.host import HostTimes
 from wsim.simulation.measure.log_messages import LogMessages
+from wsim.simulation.measure.readings import Readings
 from wsim.simulation.predicted.measured import follow_start
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
 
 
-class Simulation:
+class Simulation(Readings):
     """A scene on a device, as in `Simulation(scene, device="cpu").run(10)`.
 
     scene      a `Scene`, the path of a USD file, or a `Usd.Stage`
@@ -267,33 +268,7 @@ class Simulation:
         from wsim.simulation import record
         record.restart_from_fields(self, frame, fields, alike)
 
-    # measuring
-
-    def indicators(self) -> dict[str, float]:
-        """Error indicators and energies now: strain, residual, penetration, energy [J]."""
-        x = v = np.zeros((0, 3))
-        if self.model.bodies:
-            x, v = (a.numpy().astype(np.float64) for a in (self.state.x, self.state.v))
-            x += self.state.e.numpy()
-        if self.model.alias is not None:
-            x = x[self.model.alias]
-        with GATE.alone():
-            return measure.gather_indicators(self.plan, x, v)
-
-    def stress(self, path: str | None = None, world: int = 0):
-        """`wsim.simulation.measure.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a
-        kernel when first called. Raises SceneError where the body is none."""
-        from wsim.simulation.measure import stress
-        with GATE.alone():
-            return stress.stress_of_soft_body(self.plan, path, world)
-
-    def reactions(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """Forces of a pin (None: the only one) on its points now [N], world, (n, 3) in the order in which it names them; their
-        sum is what it holds. See `wsim.simulation.measure.reaction`; compiles kernels when first called. Raises SceneError
-        where there is none."""
-        from wsim.simulation.measure.reaction import reactions_of_pin
-        with GATE.alone():
-            return reactions_of_pin(self, path, world)
+    # measuring: more in `Readings`
 
     def report(self, profile: bool = True) -> dict:
         """Report of what ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""

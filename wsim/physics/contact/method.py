@@ -263,6 +263,10 @@ class ContactMethod(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
 
+    def contact_points(self, clock: Clock) -> list:
+        from wsim.physics.contact.collider.contact_points import collider_contact_points
+        return [collider_contact_points(self, clock.effective_step)] if not clock.free else []
+
     def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
         where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""

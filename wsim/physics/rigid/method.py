@@ -1,7 +1,6 @@
 """Rigid bodies on the device: the part "bodies", whose rows are the bodies of every world, and the steps of a frame.
 
-All substeps of a frame are one launch where nothing can meet: a thread moves one body (kernels/rigid/motion.py). Else
-wsim/physics/rigid/contacts.py.
+All substeps of a frame are one launch where nothing can meet (kernels/rigid/motion.py). Else: `wsim.physics.rigid.contacts`.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -198,15 +197,14 @@ class RigidMethod(Method):
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
         axes = np.array([m.axes for m in self.masses])
         R = rotation.quaternion_to_matrix(rotation.quat_product(self.turns(), rotation.quat_conjugate(axes)))
-        found = np.tile(np.eye(4), (len(R), 1, 1))
-        center = np.array([m.center for m in self.masses])
+        found, center = np.tile(np.eye(4), (len(R), 1, 1)), np.array([m.center for m in self.masses])
         found[:, :3, :3] = R
         found[:, :3, 3] = self.origin + self.get("x") + self.get("e") - np.einsum("nij,nj->ni", R, center)
         return found
 
     def placed(self, path: str) -> np.ndarray:
         """Poses as `poses` has them, of one body in every world."""
-        return self.poses()[[k for k, (body, _) in enumerate(self.bodies) if body.path == path]]
+        return self.poses()[[body.path == path for body, _ in self.bodies]]
 
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
@@ -233,6 +231,10 @@ class RigidMethod(Method):
         self.given.push.assign(self._push().astype(self.model.dtype))
         if self.joints:
             self.joints.weigh(self.masses)
+
+    def contact_points(self, clock: Clock) -> list:
+        from wsim.physics.rigid.contacts.contact_points import rigid_contact_points
+        return [rigid_contact_points(self.contacts, clock.h)] if self.contacts else []
 
     def samples(self, world: int = 0) -> list[Sample]:
         poses = self.poses()
