@@ -29,7 +29,7 @@ def attached(name: str, body: str, points, target: str, places: tuple[np.ndarray
 def over(x: np.ndarray, triangles: np.ndarray, faces: np.ndarray, places: np.ndarray, one=None) -> tuple:
     """Face nearest to each place (k, 3) [m], of triangles (t, 3) that stand at the front of those faces, and (u, v, h) on it.
     one: a place (3,) to which the face of all is nearest."""
-    chosen = np.array([skinning.nearest_triangle(x[triangles], place if one is None else one) for place in places])
+    chosen = skinning.nearest_triangles(x[triangles], np.asarray(places if one is None else [one] * len(places), np.float64))
     return faces[chosen], skinning.triangle_coordinates(x[triangles[chosen]], places)
 
 

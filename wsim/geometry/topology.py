@@ -29,6 +29,11 @@ def order_of(keys: np.ndarray) -> np.ndarray:
     return packed & ((1 << bits) - 1)
 
 
+def first_face_corners(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """The first three corners of each polygon, (faces, 3)."""
+    return indices[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
+
+
 def smallest_point_of_row(ids: np.ndarray) -> np.ndarray:
     """Smallest point of each row of ids (m, k), (m,). (By columns: NumPy takes several times longer by rows.)"""
     return reduce(np.minimum, ids.T)

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 
 from wsim.scene.bodies import ArrayDataclass, contiguous_array, demand_kind, real_array
+from wsim.scene.check.problem import Problem, SceneError
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.methods import method_file
+from wsim.scene.solids import Collider, Surface
 
 
 @dataclass(eq=False)
@@ -42,6 +45,35 @@ class Pin(ArrayDataclass):
             raise ValueError("points is None; allowed are numbers of points, such as [0, 1]")
         self.points = contiguous_array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
         self.places = real_array(self.places, -1, 3)
+
+
+def pin_onto_collider(pin: Pin, body: Any, collider: Collider) -> Pin:
+    """The pin, so that its points of a body go along with a collider from where they start: with its frame, or, on a mesh that
+    a skeleton moves, each with the face nearest to it. Raises SceneError where that has no sense."""
+    given = {"target": bool(pin.target), "places": pin.places is not None, "follows": pin.follows is not None,
+             "motion": pin.motion.moves}
+    if any(given.values()):
+        said = f"has {max(given, key=given.__getitem__)}, beside onto={collider.path}, which says where it goes; fix: give one"
+        raise SceneError(Problem(pin.path, said))
+    if not isinstance(collider.shape, Surface) or collider.shape.poses is None:
+        pin.target, pin.motion = collider.path, collider.motion
+        return pin
+    skin, surface = collider.shape.poses, collider.shape
+    if not hasattr(skin, "skeleton"):
+        raise SceneError(Problem(pin.path, f"holds points at {collider.path}, whose points are animated; allowed are meshes "
+                                 "that a skeleton or a motion moves; fix: skin it, or give the pin motion=..."))
+    if body.noun == "rods":
+        raise SceneError(Problem(pin.path, f"holds points of {body.path} at skin, which turns with them; fix: "
+                                 "rods.pin_roots(path, collider), which clamps the first two of each strand"))
+    if ((pin.points < 0) | (pin.points >= len(body.points))).any():
+        raise SceneError(Problem(pin.path, f"holds points {pin.points.min()} to {pin.points.max()} of {body.path}; allowed is "
+                                 f"0 to {len(body.points) - 1}"))
+    from wsim.geometry.topology import first_face_corners
+
+    x = body.motion.points(np.asarray(body.points, np.float64)[pin.points], 0.0)
+    pin.follows = method_file("Skeleton", "objects").Follow.near(skin, first_face_corners(surface.counts, surface.indices), x)
+    pin.target = collider.path
+    return pin
 
 
 @dataclass(eq=False)

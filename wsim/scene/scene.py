@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wsim.scene import solids
-from wsim.scene.attachments import Load, Pin, Tie, Varying, as_curve_over_time
+from wsim.scene.attachments import Load, Pin, Tie, Varying, as_curve_over_time, pin_onto_collider
 from wsim.scene.bodies import ArrayDataclass, DefaultCount, Deformable, body_in_single_precision
 from wsim.scene.check.problem import Problem as Problem
 from wsim.scene.check.problem import SceneError as SceneError
@@ -190,12 +190,16 @@ class Scene(ArrayDataclass):
 
     def _rigid_body_at(self, path: str, body) -> Any:
         """A rigid body by its path."""
-        if not isinstance(body, str):
-            return body
-        found = next((each for each in self.things("Body") if each.path == body), None)
+        return self._named(path, "body", body, self.things("Body"), "rigid body") if isinstance(body, str) else body
+
+    @staticmethod
+    def _named(path: str, name: str, wanted, things: list, noun: str = "") -> Any:
+        """The one of some things whose path is wanted by an argument of that name."""
+        found = next((each for each in things if each.path == wanted), None)
         if found is None:
-            there = ", ".join(each.path for each in self.things("Body")) or "none"
-            raise SceneError(Problem(path, f"body is {body!r}, which is no rigid body of the scene; there are: {there}"))
+            noun = noun or {"onto": "collider", "body": "body with points"}[name]
+            there = (", ".join(each.path for each in things) or "none")[:160]
+            raise SceneError(Problem(path, f"{name} is {wanted!r:.60}, which is no {noun} of the scene; there are: {there}"))
         return found
 
     def rods(self, path: str, points, counts, **more) -> Any:
@@ -251,9 +255,15 @@ class Scene(ArrayDataclass):
         more[of] = domain if isinstance(domain, str) else domain.path
         return self.add(getattr(method_file(name, "objects"), name)(path, shape, **more))
 
-    def pin(self, path: str, body, points, **more) -> Pin:
-        """Holds points (indices) of an object that has points; see `Pin` for the fields."""
+    def pin(self, path: str, body, points, onto=None, **more) -> Pin:
+        """Holds points (k,), counted from 0, of a body with points, or its path; see `Pin` for the fields. onto: a collider, or
+        its path, with which they go from where they start; on skin each goes with its nearest face. As in
+        `scene.pin("/collar", cape, range(9), onto=man)`. Raises SceneError where that has no sense."""
         pin = Pin(path, body if isinstance(body, str) else body.path, points, **more)
+        if onto is not None:
+            body = self._named(path, "body", pin.body, [*self.bodies(), *self.things("Rods")])
+            onto = self._named(path, "onto", getattr(onto, "path", onto), self.colliders)
+            pin = pin_onto_collider(pin, body, onto)
         pins_of_object(self, pin.body).append(pin)
         return pin
 

@@ -267,8 +267,7 @@ class Follow(ArrayDataclass):
         """The places at world places (k, 3) [m], each as it lies over the nearest triangle at the start. triangles: (t, 3);
         faces: their numbers in the mesh, if they are not 0, 1, 2 ..."""
         x = skin.skeleton.motion.points(skin.at(0.0))
-        chosen = np.array([skinning.nearest_triangle(x[triangles], place) for place in np.asarray(places, np.float64)],
-                          np.int32)
+        chosen = skinning.nearest_triangles(x[triangles], np.asarray(places, np.float64).reshape(-1, 3)).astype(np.int32)
         return Follow.over_triangles(skin, np.asarray(triangles, np.int32)[chosen], places,
                                      chosen if faces is None else np.asarray(faces)[chosen])
 
@@ -295,5 +294,4 @@ class Follow(ArrayDataclass):
         found = np.tile(np.eye(4), (*x.shape[:2], 1, 1))
         found[..., :3, :3] = skinning.triangle_axes(x)
         found[..., :3, 3] = skinning.points_over_triangles(x, self.places)
-        motion = self.skin.skeleton.motion
-        return np.stack([motion.at(t) @ frames for frames, t in zip(found, times, strict=True)])
+        return self.skin.skeleton.motion.sampled(times)[:, None] @ found

@@ -23,6 +23,8 @@ from wsim.scene.curve import Curve
 if TYPE_CHECKING:
     from wsim.physics.animation.objects import BlendShape, Skeleton, Skinned
 
+PAIRS = 1 << 21        # of a place and a triangle, looked at together: memory against calls
+ROUNDED = 1e-6         # of the size of a mesh, by which squares of distances that are sums may be wrong; larger: more triangles
 
 def joints_by_depth(parents: np.ndarray) -> list[np.ndarray]:
     """Joints by how many are above them: roots first. Raises ValueError where a joint is above itself."""
@@ -219,13 +221,37 @@ def triangle_coordinates(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.linalg.solve(M, (x - x2)[:, :, None])[..., 0]
 
 
-def nearest_triangle(corners: np.ndarray, x: np.ndarray) -> int:
-    """Number of the triangle among (t, 3, 3) with an area that is nearest to a place (3,)."""
+def nearest_triangles(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Number of the triangle among (t, 3, 3) with an area that is nearest to each place (k, 3); of equals the first.
+
+    The middle of a triangle bounds the distance from above, and a ball about it from below: few triangles remain for a place.
+    Raises ValueError where no triangle has an area."""
+    edges = corners[:, 1:] - corners[:, :1]
+    sound = np.flatnonzero(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 0.0)
+    if not len(sound):
+        raise ValueError(f"none of its {len(corners)} triangles has an area")
+    middle = corners[sound].mean(axis=1)
+    radius = np.linalg.norm(corners[sound] - middle[:, None], axis=2).max(axis=1)
+    origin = middle.mean(axis=0)
+    M, found = middle - origin, np.zeros(len(x), np.int64)
+    size = np.abs(M).max() + np.abs(x - origin).max(initial=0.0)
+    step = max(1, PAIRS // len(sound))
+    for a in range(0, len(x), step):
+        X = x[a:a + step] - origin
+        away = np.sqrt(np.maximum((X * X).sum(1)[:, None] - 2.0 * X @ M.T + (M * M).sum(1), 0.0))
+        near = away - radius <= away.min(axis=1, keepdims=True) + ROUNDED * size
+        place, triangle = np.nonzero(near)
+        d = triangle_distances(corners[sound[triangle]], x[a + place])
+        order = np.lexsort((triangle, d, place))
+        found[a:a + step] = sound[triangle[order[np.searchsorted(place, np.arange(len(X)))]]]
+    return found
+
+
+def triangle_distances(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Distance [m] of each place (k, 3) to its own triangle (k, 3, 3), which has an area."""
     e0, e1 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    sound = np.linalg.norm(np.cross(e0, e1), axis=1) > 0.0
-    away = x - corners[:, 0]
-    n = np.cross(e0, e1)
-    nn = np.where(sound, (n * n).sum(1), 1.0)
+    away, n = x - corners[:, 0], np.cross(e0, e1)
+    nn = (n * n).sum(1)
     u = (np.cross(away, e1) * n).sum(1) / nn
     v = (np.cross(e0, away) * n).sum(1) / nn
     over = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
@@ -235,4 +261,4 @@ def nearest_triangle(corners: np.ndarray, x: np.ndarray) -> int:
         ee = (e * e).sum(1)
         s = np.clip(((x - a) * e).sum(1) / np.where(ee > 0.0, ee, 1.0), 0.0, 1.0)
         best = np.minimum(best, np.linalg.norm(x - a - s[:, None] * e, axis=1))
-    return int(np.argmin(np.where(sound, best, np.inf)))
+    return best

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wsim.geometry.topology import first_face_corners
 from wsim.scene import Collider, Pin, Problem, SceneError, Surface, shapes
 from wsim.scene.bodies import PointObject, contiguous_array, demand_kind, real_array
 from wsim.scene.curve import Motion
@@ -98,16 +99,11 @@ class Rods(PointObject):
         if not hasattr(mesh.poses, "skeleton"):
             raise SceneError(Problem(path, f"holds strands at {collider.path}, whose points are animated; allowed are meshes "
                                      "that a skeleton or a motion moves; fix: skin it, or pin the strands by motion=..."))
-        faces, skin = _first_corners(mesh), method_file("Skeleton", "objects")
+        faces, skin = first_face_corners(mesh.counts, mesh.indices), method_file("Skeleton", "objects")
         x = self.motion.points(self.points, 0.0)
         roots = skin.Follow.near(mesh.poses, faces, x[first])
         return self.pin(path, points, target=collider.path, follows=skin.Follow.over_triangles(
             mesh.poses, np.repeat(roots.corners, 2, axis=0), x[points], np.repeat(roots.faces, 2)))
-
-
-def _first_corners(surface: Surface) -> np.ndarray:
-    """The first three corners of each face, (faces, 3)."""
-    return surface.indices[(np.cumsum(surface.counts) - surface.counts)[:, None] + np.arange(3)]
 
 
 def grow_hair(path: str, collider: Collider, number: int, length: float, where, segments: int, more: dict) -> Rods:
