@@ -11,6 +11,8 @@ def author_new_scene(args) -> list:
     """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
+    if args.kind == "hair" and args.mesh:
+        return _author_hair_scene(args)
     if args.kind in STARTERS:
         return write_starter(args)
     if args.kind == "robot":
@@ -33,11 +35,29 @@ def convert_meshes(args, notes: list) -> None:
 
 
 def write_starter(args) -> list:
-    """A small scene of its own; returns its notes."""
+    """A small scene of its own; returns its notes. Raises SceneError for options of hair on a mesh, without one."""
+    alone = [name for name in ("prim", "where", "strands", "length", "meters_per_unit", "collider", "ground")
+             if getattr(args, name, None) not in (None, [])]
+    if alone:
+        option = f"--{alone[0].replace('_', '-')}"
+        raise SceneError(Problem(option, "is of hair on a mesh, and none is given; fix: give --on MESH, or leave it out"))
     from wsim.usd.new.starters import author_starter
 
     interrupt.set_interrupt_mode("wait")
     return author_starter(args.kind, args.output, args.frames)
+
+
+def _author_hair_scene(args) -> list:
+    """Hair on a mesh; returns its notes."""
+    from wsim.usd.new.hair import author_hair
+
+    notes: list = []
+    convert_meshes(args, notes)
+    interrupt.set_interrupt_mode("wait")
+    given = {"strands": args.strands} if args.strands else {}
+    return notes + author_hair(args.mesh, args.output, args.prim, length=args.length, where=args.where, ground=args.ground,
+                               meters_per_unit=args.meters_per_unit, frames=args.frames, colliders=tuple(args.collider),
+                               **given)
 
 
 def _author_cloth_scene(args, more: dict) -> list:

@@ -36,7 +36,8 @@ def add_new_command(commands) -> None:
     robot.add_argument("file", help="URDF file, or MuJoCo's XML file")
     meshes = list(new.choices.values())
     for name, told in STARTERS.items():
-        new.add_parser(name, help=f"a small scene that needs no mesh: {told}")
+        new.add_parser(name, help=f"a small scene that needs no mesh: {told}" + "; or, with --on, your own" * (name == "hair"))
+    _add_hair_options(new.choices["hair"])
     for kind in new.choices.values():
         kind.add_argument("-o", "--output", type=parse_nonempty_name, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
@@ -47,6 +48,24 @@ def add_new_command(commands) -> None:
         kind.add_argument("--ground", type=parse_height, metavar="HEIGHT",
                           help="a ground plane at this height along the up axis, in metres: 0 is that of the origin "
                                "(default: none)")
+
+
+def _add_hair_options(hair) -> None:
+    hair.add_argument("--on", type=parse_nonempty_name, metavar="MESH", dest="mesh",
+                      help="USD or OBJ file: hair grows on its mesh, and goes with its animation (default: a head that turns)")
+    hair.add_argument("--prim", type=parse_nonempty_name, metavar="PATH",
+                      help="with --on: which mesh, by path or name (default: the only one)")
+    hair.add_argument("--where", type=parse_nonempty_name, metavar="PART",
+                      help="with --on: part of the bounds of the mesh that has hair, such as 0.6..1@y (default: all)")
+    hair.add_argument("--strands", type=parse_positive_count, metavar="N", help="with --on: how many (default: 400)")
+    hair.add_argument("--length", type=parse_positive_number, metavar="METRES",
+                      help="with --on: of a strand (default: half of the size of the mesh)")
+    hair.add_argument("--meters-per-unit", type=parse_positive_number, metavar="X",
+                      help="with --on: unit of the mesh (default: its file's)")
+    hair.add_argument("--collider", type=parse_nonempty_name, action="append", default=[], metavar="FILE_OR_PRIM",
+                      help="with --on: make a USD file, or a prim of the mesh's file, collide; may be repeated")
+    hair.add_argument("--ground", type=parse_height, metavar="HEIGHT",
+                      help="with --on: a ground plane at this height along the up axis, in metres (default: none)")
 
 
 def _new_cloth(new) -> None:

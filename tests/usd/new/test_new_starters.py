@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.physics.animation.make import ASSETS
 from wsim import cli
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
@@ -63,3 +64,48 @@ def test_sand_pours_at_its_rate_onto_the_floor():
     mass = 1600.0 * 0.015**3
     assert abs(sim.indicators()["mpm_poured_mass"] - 6.0 * 8 / scene.fps) <= 0.501 * mass
     assert sim.samples()[0].positions[:, 1].min() > 0.0
+
+
+BUST = "".join(f"v {x} {y} {z}\n" for x in (0, 20) for y in (0, 20) for z in (0, 20)) + (
+    "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n")
+
+
+def test_hair_grows_on_the_mesh_that_is_given_where_it_is_wanted(tmp_path, monkeypatch, capsys):
+    """On a cube of 20 cm, on faces whose middles are in the upper part: strands of half its size, clamped, out of it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "head.obj").write_text(BUST)
+    command = ["new", "hair", "--on", "head.obj", "--meters-per-unit", "0.01", "--where", "0.9..1@y", "--strands", "20"]
+    assert cli.main([*command, "--ground", "0", "-o", "a.usda"]) == 0
+    assert cli.main(["check", "a.usda"]) == 0 and "0 errors, 0 warnings" in capsys.readouterr().out
+    scene = load("a.usda")
+    (hair,), head = scene.things("Rods"), next(c for c in scene.colliders if c.path.endswith("mesh"))
+    x = hair.motion.points(hair.points).reshape(20, 9, 3)
+    assert np.allclose(x[:, 0, 1], 0.2, atol=1e-6) and np.allclose(x[:, -1, 1], 0.3, atol=1e-6)
+    assert hair.pins[0].target == head.path and len(scene.colliders) == 2
+    sim = Simulation(scene, device="cpu")
+    sim.run(2)
+    assert np.abs(sim.positions(hair.path).reshape(20, 9, 3)[:, :2] - x[:, :2]).max() < 1e-6
+
+
+def test_hair_on_a_mesh_that_a_skeleton_moves_follows_its_faces(tmp_path):
+    from wsim.usd.new.hair import author_hair
+
+    out = tmp_path / "man.usda"
+    author_hair(ASSETS / "CesiumMan.usdz", out, where="0.88..1@z", strands=12, length=0.1)
+    scene = load(out)
+    (hair,) = scene.things("Rods")
+    pin = hair.pins[0]
+    assert pin.follows is not None and pin.follows.moves and len(pin.follows.faces) == 24
+    assert np.abs(pin.follows.over(np.zeros(1))[0] - hair.motion.points(hair.points[pin.points])).max() < 1e-5
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (["--length", "0.1"], "--length: is of hair on a mesh, and none is given"),
+    (["--on", "head.obj", "--where", "top@q"], "--where top@q is no part of its bounds; give one as 0.6..1@y"),
+    (["--on", "head.obj", "--where", "1.2..2@x"], "where is true of 0 of 12 triangles"),
+    (["--on", "none.obj"], "none.obj: there is no such file")])
+def test_hair_that_cannot_grow_is_refused_and_leaves_no_scene(options, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "head.obj").write_text(BUST)
+    assert cli.main(["new", "hair", *options, "-o", "a.usda"]) == 1 and said in capsys.readouterr().err
+    assert not (tmp_path / "a.usda").exists()

@@ -36,7 +36,7 @@ def author_pins(stage: Usd.Stage, bare: BareMesh, body: Usd.Prim, given: tuple[s
     """
     simulated = bare.world if points is None else points
     for spec in given:
-        band = _parse_bounds_band(spec, bare)
+        band = parse_bounds_band(spec, bare)
         if band is not None:
             chosen = np.flatnonzero(_in_bounds_band(simulated, *band))
         else:
@@ -49,7 +49,7 @@ def author_pins(stage: Usd.Stage, bare: BareMesh, body: Usd.Prim, given: tuple[s
         _author_pin_attachment(stage, bare, body, chosen, simulated)
 
 
-def _parse_bounds_band(spec: str, bare: BareMesh) -> tuple[int, float, float] | None:
+def parse_bounds_band(spec: str, bare: BareMesh) -> tuple[int, float, float] | None:
     """(axis, from, to) of a spec that means a band of the bounds; None of another."""
     if spec in ENDS:
         return (2 if bare.units.up == "Z" else 1), *ENDS[spec]
