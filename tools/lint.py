@@ -34,7 +34,7 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.nets.muscles"}                  # never each other
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
-       "physics.rigid.joints.authored", "physics.rigid.joints.stacked",
+       "physics.rigid.joints.authored", "physics.rigid.joints.stacked", "physics.rigid.joints.passive",
        "physics.rigid.joints.filters.usd",
        "physics.rigid.joints.instances.usd", "physics.contact.collider.cloud_usd", "physics.fluid.usd",
        "physics.fluid.liquid.usd", "physics.mpm.usd", "physics.animation.usd",

@@ -295,5 +295,5 @@ FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 # Schemas of what wsim does not simulate, and what that is.
 FEATURES = {
     "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "actuators of MuJoCo", "NewtonActuator": "actuators",
-    "MjcTendon": "tendons of MuJoCo", "MjcEqualityJointAPI": "couplings of joints", "NewtonMimicAPI": "couplings of joints",
+    "MjcTendon": "tendons of MuJoCo",
 }

@@ -84,15 +84,15 @@ def test_axes_that_are_not_orthogonal_are_refused(tmp_path):
         load(stage)
 
 
-def test_passive_springs_and_dampers_are_drives_and_what_is_not_simulated_is_said(tmp_path):
+def test_passive_springs_and_dampers_are_drives_beside_armature_and_friction(tmp_path):
     """Newton's damping is per degree, MuJoCo's stiffness per radian."""
     stage = stage_of(tmp_path, [(UsdPhysics.RevoluteJoint, "X", -10.0, 10.0)])
-    for name, value in (("newton:damping", 0.5), ("mjc:stiffness", 3.0), ("newton:armature", 0.1)):
+    for name, value in (("newton:damping", 0.5), ("mjc:stiffness", 3.0), ("newton:armature", 0.25), ("newton:friction", 0.5)):
         stage.GetPrimAtPath("/j0").CreateAttribute(name, Sdf.ValueTypeNames.Float).Set(value)
-    scene = load(stage)
-    drive = scene.things("Joint")[0].drives["rotX"]
+    (joint,) = load(stage).things("Joint")
+    drive = joint.drives["rotX"]
     assert abs(drive.damping / (0.5 * 180.0 / np.pi) - 1.0) < 1e-6 and drive.stiffness == 3.0
-    assert any("newton:armature" in note.text for note in scene.notes)
+    assert joint.armature == {"rotX": 0.25} and joint.friction == {"rotX": 0.5}
 
 
 @pytest.mark.parametrize("kind, name, unit, ref, springref", [

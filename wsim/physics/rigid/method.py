@@ -134,10 +134,9 @@ class RigidMethod(Method):
         return rotation.unit_quat(self.get("q") + self.get("o"))
 
     def _tables(self) -> Any:
-        m, dtype, real = self.model, self.model.dtype, self.model.real
+        m, dtype, real, vec3 = self.model, self.model.dtype, self.model.real, self.part.arrays["x"].dtype
         mass, moments = (np.array([getattr(one, name) for one in self.masses]) for name in ("mass", "moments"))
         columns = {name: np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("drag", "spin_drag")}
-        vec3 = self.part.arrays["x"].dtype
         table = fill_struct(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
                             inverse=m.upload((1.0 / moments).astype(dtype), vec3),
                             **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
@@ -175,7 +174,7 @@ class RigidMethod(Method):
         return found + (self.touch.foreseen.find_remedies(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
     def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
-        return self.contacts.frame_warnings() if self.contacts else []
+        return [w for each in (self.contacts, self.joints) if each for w in each.frame_warnings()]
 
     def prepare_restart(self, fields) -> None:
         own = fields.get(self.bodies[0][0].written, {})
@@ -253,7 +252,8 @@ class RigidMethod(Method):
         first, places = np.array([world == 0 for _, world in self.bodies]), self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         kinetic = 0.5 * ((self.read("p") * self.velocities()).sum(1) + (self.read("L") * self.spins()).sum(1))
-        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum())}
+        rotors = self.joints.stored_energy() if self.joints else 0.0
+        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum()) + rotors}
         for each in filter(None, (self.contacts, self.touch)):
             found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})

@@ -55,11 +55,12 @@ def tree_velocity_kernel(real, module):
         if t.first_link[g + 1] > t.first_link[g]:
             place_tree(g, T)
             assemble_tree_matrix(g, T)
-            factor_tree_matrix(g, T)
             root = t.first_link[g]
             dofs = tree_dofs(g, T)
             for d in range(dofs[0], dofs[1]):
                 T.tau[d] = wp.float64(0.0)
+                T.H[t.first_entry[d]] = T.H[t.first_entry[d]] - t.armature[d]      # momenta of bodies are without it
+            factor_tree_matrix(g, T)
             for link in range(root, t.first_link[g + 1]):
                 p = double_vec3(now.p[t.body[link]])
                 T.F[link] = -p

@@ -2,7 +2,8 @@
 whole tree.
 
     limit      low <= g + h g' <= high, an impulse of its sign where this acts
-    friction   |impulse| <= h f, against the rate
+    friction   against the rate, |impulse| <= h f / 2 on the mean rate of a step, and as much again on the rate at its end: of
+               order 2 while it slides, and what it can hold stands still
 
 Rows that overlap already are brought back by BACK of their depth in a step. (Jourdan, Alart, Jean 1998.)
 """
@@ -81,6 +82,8 @@ def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
             T.push[d] = wp.float64(0.0)
             T.rub[d] = wp.float64(0.0)
             T.response[d] = wp.float64(0.0)
+            if h > wp.float64(0.0):
+                T.rub_most[d] = wp.float64(0.5) * h * t.friction[d]
             acts = t.friction[d] > wp.float64(0.0)
             if is_limited(link, d, T, J):
                 acts = acts or near_limit(link, d, h, T, J)
@@ -88,6 +91,16 @@ def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
                 T.response[d] = row_response_column(g, tree_joint_row(link, d, T, J), d, T)
                 acting += 1
     return acting
+
+
+@standalone_function
+@wp.func
+def reset_limit_impulses(g: int, T: Trees):
+    """A step begins: impulses count from 0, those behind the places of the last step stay given."""
+    dofs = tree_dofs(g, T)
+    for d in range(dofs[0], dofs[1]):
+        T.push[d] = wp.float64(0.0)
+        T.rub[d] = wp.float64(0.0)
 
 
 @standalone_function
@@ -104,7 +117,7 @@ def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
                 r = tree_joint_row(link, d, T, J)
                 if t.friction[d] > wp.float64(0.0):
                     rate = T.qd[d]
-                    rub = wp.clamp(T.rub[d] - rate / a, -h * t.friction[d], h * t.friction[d])
+                    rub = wp.clamp(T.rub[d] - rate / a, -T.rub_most[d], T.rub_most[d])
                     apply_row_impulse(g, d, rub - T.rub[d], T)
                     worst = wp.max(worst, a * wp.abs(rub - T.rub[d]))
                     most = wp.max(most, wp.abs(rate))

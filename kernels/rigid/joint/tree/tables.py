@@ -87,6 +87,7 @@ def tree_structs():
         mass: wp.array(dtype=wp.float64)             # of dofs: what a drive of an acceleration moves, 1 of others
         push: wp.array(dtype=wp.float64)             # of dofs: impulse of their limits in a step, and of their dry friction
         rub: wp.array(dtype=wp.float64)
+        rub_most: wp.array(dtype=wp.float64)         # of dofs: impulse that their dry friction gives at most
         response: wp.array(dtype=wp.float64)         # of dofs: J H^-1 J^T, 0 where nothing acts
         first_tree: wp.array(dtype=int)              # of worlds, and one more
         link_of: wp.array(dtype=int)                 # of bodies

@@ -16,7 +16,7 @@ from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tree.contacts import link_contact_functions
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia, note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
-from wsim.kernels.rigid.joint.tree.limits import start_tree_limits, sweep_tree_limits
+from wsim.kernels.rigid.joint.tree.limits import reset_limit_impulses, start_tree_limits, sweep_tree_limits
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
@@ -79,6 +79,7 @@ def touching_tree_kernel(real, module):
             stages(g, k, h, rig.b, P, J)
         else:
             implicit(g, k, h, rig.b, P, J)
+        reset_limit_impulses(g, T)
         dofs = tree_dofs(g, T)
         for d in range(dofs[0], dofs[1]):
             T.qd[d] = P.rates[d]

@@ -8,7 +8,7 @@ from pxr import Usd
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE
 from wsim.scene import Problem
 from wsim.scene.check.objects import object_warning, thing_error
-from wsim.usd.stage import applied_schemas
+from wsim.usd.stage import StageReading, applied_schemas
 
 AXIS = "physics:axis"
 MOVES = {"PhysicsRevoluteJoint": ("angular", "rotX"), "PhysicsPrismaticJoint": ("linear", "transX")}
@@ -68,3 +68,12 @@ def _allowed_drive_names(kind: str) -> tuple[str, ...]:
     if kind in MOVES:
         return MOVES[kind]
     return {"PhysicsSphericalJoint": AXES[3:], "PhysicsDistanceJoint": (DISTANCE,)}.get(kind, ())
+
+
+def warn_unapplied_joint_apis(reading: StageReading, prim: Usd.Prim) -> None:
+    """Warns of limits and drives whose schema is not applied, which USD ignores."""
+    given = {tuple(name.split(":")[:2]) for name in prim.GetAuthoredPropertyNames() if name.startswith(("limit:", "drive:"))}
+    for what, axis in sorted(given):
+        api = f"Physics{what.capitalize()}API:{axis}"
+        if api not in applied_schemas(prim):
+            reading.warn(prim.GetPath(), f"has {what}:{axis} without {api}, so USD ignores it; apply {api}")

@@ -6,7 +6,7 @@ from math import atan2, hypot, inf, isfinite, isnan
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, TURNS, Joint
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE, PASSIVE, SHIFTS, TURNS, Joint
 from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import check_rigid_motion, object_warning, thing_error
 
@@ -17,7 +17,7 @@ NAMES = (*AXES, DISTANCE)
 
 
 def check(joint: Joint, scene: Scene) -> Iterator[Problem]:
-    wrong = [*_check_joint_bodies(joint, scene), *_check_joint_numbers(joint)]
+    wrong = [*_check_joint_bodies(joint, scene), *_check_joint_numbers(joint), *_check_passive_terms(joint, scene)]
     yield from wrong
     if not any(p.fatal for p in wrong):
         yield from _check_joint_closed(joint, scene)
@@ -71,6 +71,33 @@ def _check_joint_numbers(joint: Joint) -> Iterator[Problem]:
         if not getattr(joint, name) >= 0.0:
             yield thing_error(path, f"breaks at a {name} of {getattr(joint, name):g}", ">= 0, inf for never",
                                f"author another physics:break{name.capitalize()}")
+
+
+def _check_passive_terms(joint: Joint, scene: Scene) -> Iterator[Problem]:
+    """Armature, dry friction, mimics."""
+    path = joint.path
+    for field in PASSIVE:
+        for name, value in getattr(joint, field).items():
+            if name not in AXES or not 0.0 <= value < inf:
+                yield thing_error(path, f"{field} of {name} is {value:g}", f"finite and >= 0, of {', '.join(AXES)}",
+                                  f"author another {field}")
+    others = {other.path: other for other in scene.things("Joint") if other.enabled}
+    for name, mimic in joint.mimics.items():
+        if name not in AXES or joint.locked(name):
+            yield thing_error(path, f"{name} mimics {mimic.leader}, and cannot move", ", ".join(joint.free()),
+                              "name one of these")
+        elif not 1 <= len(mimic.coefficients) <= 5 or not all(isfinite(c) for c in mimic.coefficients):
+            yield thing_error(path, f"its mimic has the coefficients {mimic.coefficients}", "one to five finite numbers",
+                              "author others")
+        elif mimic.leader and mimic.leader not in others:
+            yield thing_error(path, f"mimics {mimic.leader}, which is no joint of the scene that is enabled",
+                              "a joint with one free coordinate", "name such a joint; one that another joint has taken in "
+                              "needs a body between them")
+        elif mimic.leader == path:
+            yield thing_error(path, "mimics itself", "another joint", "name another joint")
+        elif mimic.leader and len(others[mimic.leader].free()) != 1:
+            yield thing_error(path, f"mimics {mimic.leader}, which has {len(others[mimic.leader].free())} free coordinates",
+                              "a joint with one", "name another joint")
 
 
 def joint_frames_at_start(joint: Joint, scene: Scene) -> list[np.ndarray]:

@@ -8,6 +8,8 @@ from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
 
+TABLES = ("limits", "drives", "armature", "friction", "mimics")            # of a joint, by coordinate
+
 
 def device_rows(joint: Joint) -> list[Joint]:
     """A joint as those of the device: a distance beside limits of shifts is one of its own."""
@@ -19,7 +21,7 @@ def device_rows(joint: Joint) -> list[Joint]:
     def part_of_joint(far: bool) -> Joint:
         def part_rows(table):
             return {name: value for name, value in table.items() if (name == LENGTH) == far}
-        values = vars(joint) | {"limits": part_rows(joint.limits), "drives": part_rows(joint.drives)}
+        values = vars(joint) | {name: part_rows(getattr(joint, name)) for name in TABLES}
         return Joint(**values | ({"cone": None} if far else {}))
     return [part_of_joint(False), part_of_joint(True)]
 
@@ -46,4 +48,4 @@ def rename_twist_axis(joint: Joint) -> Joint:
             return name if name == LENGTH else name[:-1] + "XYZ"["XYZ".index(name[-1]) - k]
         return {renamed_axis(name): value for name, value in table.items()}
     turns = {name: rotation.quat_product(getattr(joint, name), q) for name in ("turn0", "turn1")}
-    return Joint(**vars(joint) | turns | {"limits": rename_axes(joint.limits), "drives": rename_axes(joint.drives)})
+    return Joint(**vars(joint) | turns | {name: rename_axes(getattr(joint, name)) for name in TABLES})

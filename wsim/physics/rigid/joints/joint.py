@@ -25,6 +25,7 @@ SHIFTS, TURNS = ("transX", "transY", "transZ"), ("rotX", "rotY", "rotZ")
 AXES = (*SHIFTS, *TURNS)
 DISTANCE = "distance"
 LIVE = ("stiffness", "damping", "target")             # of drives, with derivatives
+PASSIVE = ("armature", "friction")
 LOCKED = (0.0, 0.0)
 
 
@@ -48,6 +49,18 @@ class Drive:
     acceleration: bool = False
 
 
+@dataclass(frozen=True)
+class Mimic:
+    """A coordinate that follows that of another joint: g = sum_k coefficients[k] g_leader^k.
+
+    leader         prim path of a joint with one free coordinate
+    coefficients   up to five [m or rad per m^k or rad^k]: offset, ratio, ...
+    """
+
+    leader: str
+    coefficients: tuple[float, ...] = (0.0, 1.0)
+
+
 @dataclass(eq=False)
 class Joint(ArrayDataclass):
     """A joint between two bodies, or a body and the world, as in
@@ -63,6 +76,9 @@ class Joint(ArrayDataclass):
     limits     {name of a coordinate: (lowest, highest)} [m], [rad]
     drives     {name of a coordinate: `Drive`}
     cone       half angles [rad] of the swing about y and z; inf: free; None: no cone
+    armature   {name of a coordinate: inertia of a rotor that turns with it [kg], [kg m^2]}; a number: of all free ones
+    friction   {name of a coordinate: dry friction [N], [N m]}; a number: of all free ones
+    mimics     {name of a coordinate: `Mimic`}
     collides   whether its two bodies touch each other
     enabled    whether it acts
     force      [N] over which it breaks
@@ -81,6 +97,9 @@ class Joint(ArrayDataclass):
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     drives: dict[str, Drive] = field(default_factory=dict)
     cone: tuple[float, float] | None = None
+    armature: dict[str, float] = field(default_factory=dict)
+    friction: dict[str, float] = field(default_factory=dict)
+    mimics: dict[str, Mimic] = field(default_factory=dict)
     collides: bool = False
     enabled: bool = True
     force: float = inf
@@ -94,6 +113,14 @@ class Joint(ArrayDataclass):
         for name in ("turn0", "turn1"):
             setattr(self, name, np.array(getattr(self, name), np.float64).reshape(4))
         self.limits = {name: (float(low), float(high)) for name, (low, high) in self.limits.items()}
+        for name in PASSIVE:
+            given = getattr(self, name)
+            if not isinstance(given, dict):
+                setattr(self, name, {axis: float(given) for axis in self.free()} if given else {})
+
+    def free(self) -> list[str]:
+        """Coordinates that can move, without the distance."""
+        return [name for name in AXES if not self.locked(name)]
 
     def driven(self) -> list[str]:
         """Coordinates that have a drive, in their order."""

@@ -14,14 +14,13 @@ import numpy as np
 from pxr import Usd, UsdPhysics
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.joint import AXES, LOCKED, SHIFTS, Drive, Joint
+from wsim.physics.rigid.joints.joint import AXES, LOCKED, PASSIVE, SHIFTS, Drive, Joint
 from wsim.usd import names
 from wsim.usd.stage import StageReading, StageUnits
 
 SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
 DAMPING, STIFFNESS, REST, REFERENCE = "newton:damping", "mjc:stiffness", "mjc:springref", "mjc:ref"
 ANGLE = "mjc:compiler:angle"                # of a PhysicsScene: unit of REST and REFERENCE of revolute joints
-UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints"}
 ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
 
@@ -80,7 +79,8 @@ def merge_joints(reading: StageReading, joints: list[Joint]) -> Joint | None:
     if np.linalg.det(R) < 0.0:
         R[:, 2] *= -1.0
     first = (turns or shifts)[0]
-    found = replace(first, path=joints[0].path, limits=dict.fromkeys(AXES, LOCKED), drives={})
+    found = replace(first, path=joints[0].path, limits=dict.fromkeys(AXES, LOCKED), drives={}, armature={},
+                    friction={}, mimics={})
     between = rotation.quat_product(first.turn0, rotation.quat_conjugate(first.turn1))  # body 1 in body 0, where it stands
     found.turn1 = rotation.matrix_quat(R)
     found.turn0 = rotation.quat_product(between, found.turn1)
@@ -110,15 +110,18 @@ def _add_joint_freedom(found: Joint, joint: Joint, R: np.ndarray) -> None:
     if own in joint.drives:
         drive = joint.drives[own]
         found.drives[name] = replace(drive, target=sign * drive.target, speed=sign * drive.speed)
+    for field in PASSIVE:
+        if own in getattr(joint, field):
+            getattr(found, field)[name] = getattr(joint, field)[own]
+    if own in joint.mimics:
+        mimic = joint.mimics[own]
+        found.mimics[name] = replace(mimic, coefficients=tuple(sign * c for c in mimic.coefficients))
 
 
 def passive_drives(reading: StageReading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
     """Drives of a joint with one free coordinate, and with its passive spring and damper (NewtonJointAPI, MjcJointAPI)."""
-    values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, *UNSEEN)
+    values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS)
               if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}
-    for key, what in UNSEEN.items():
-        if values.get(key, 0.0):
-            reading.warn(prim.GetPath(), f"{key} is ignored ({what}); remove it, or expect motion unlike MuJoCo's")
     damping, stiffness = _passive_joint_gains(reading.units, name, values)
     if damping == 0.0 and stiffness == 0.0:
         return drives

@@ -48,6 +48,7 @@ class DeviceJoints:
         self.sweeps = max(SWEEPS, b.scene.iterations)
         self._tables(worlds)
         self.known: tuple = ()
+        self.ignored = ""                                     # said once: what these coordinates cannot have
         self.settle: Any = None
         self.aims = DriveTargets(self, found) if (found := varying_drive_targets(b.scene)) else None
 
@@ -203,6 +204,14 @@ class DeviceJoints:
             given = given if isinstance(given, tuple) else (given,)
             self.model.launch(kernels[name], self.islands, [*given, contacts.rig(), self.with_contacts(contacts.work)], [])
         return launch_joint_pass
+
+    def stored_energy(self) -> float:
+        """Kinetic energy [J] of the first world that bodies do not have."""
+        return 0.0
+
+    def frame_warnings(self) -> list[tuple[tuple, float, str]]:
+        """See `wsim.model.stage.Method.frame_warnings`."""
+        return [(("joints", "ignored"), 0.0, self.ignored)] if self.ignored else []
 
     @property
     def what(self) -> str:

@@ -11,9 +11,10 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.authored import authored_joint_faults
+from wsim.physics.rigid.joints.authored import authored_joint_faults, warn_unapplied_joint_apis
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, locked_limits_except
 from wsim.physics.rigid.joints.moving import body_of, fixes_massless_frame
+from wsim.physics.rigid.joints.passive import author_passive_terms, read_passive_terms
 from wsim.physics.rigid.joints.stacked import REFERENCE, merge_joints, mujoco_reference_value, passive_drives, stacked_joints
 from wsim.scene.curve import Motion
 from wsim.usd.load_varying import note_varying_values
@@ -64,23 +65,15 @@ def _read_joint(reading: StageReading, prim: Usd.Prim) -> Joint | None:
     reading.problems += wrong
     if any(problem.fatal for problem in wrong):
         return None
-    _warn_unapplied_joint_apis(reading, prim)
+    warn_unapplied_joint_apis(reading, prim)
     limits, drives, cone, turn = _read_joint_table(reading, prim, kind)
     for k in (0, 1):
         given[f"turn{k}"] = rotation.quat_product(given[f"turn{k}"], turn)
     aims = [a for name, _ in _read_drives(prim, kind) for api in [UsdPhysics.DriveAPI(prim, name)]
             for a in (api.GetTargetPositionAttr(), api.GetTargetVelocityAttr())]
     note_varying_values(reading, path, Joint, aims, lambda at: _read_drive_targets(at, prim, kind))
-    return Joint(path, limits=limits, drives=drives, cone=cone, **given, **_read_joint_breaking(reading, api))
-
-
-def _warn_unapplied_joint_apis(reading: StageReading, prim: Usd.Prim) -> None:
-    """Warns of limits and drives whose schema is not applied, which USD ignores."""
-    given = {tuple(name.split(":")[:2]) for name in prim.GetAuthoredPropertyNames() if name.startswith(("limit:", "drive:"))}
-    for what, axis in sorted(given):
-        api = f"Physics{what.capitalize()}API:{axis}"
-        if api not in applied_schemas(prim):
-            reading.warn(prim.GetPath(), f"has {what}:{axis} without {api}, so USD ignores it; apply {api}")
+    return Joint(path, limits=limits, drives=drives, cone=cone, **read_passive_terms(reading, prim, limits), **given,
+                 **_read_joint_breaking(reading, api))
 
 
 def _read_joint_breaking(reading: StageReading, api: UsdPhysics.Joint) -> dict:
@@ -243,6 +236,7 @@ def author(stage: Usd.Stage, joint: Joint, units: StageUnits) -> None:
     api.CreateBreakForceAttr(joint.force / units.factor("N"))
     api.CreateBreakTorqueAttr(joint.torque / units.factor("N m"))
     _author_table(prim, joint, units)
+    author_passive_terms(prim, joint, units)
 
 
 def usd_joint_type(joint: Joint) -> str:

@@ -45,4 +45,18 @@ def make_joints(b, method) -> Any:
                                  "fix: leave wsim:coordinates out"))
     joints = DeviceJoints(b, method)
     b.state.add(joints.part)
+    joints.ignored = ignored_terms(joints.given, why)
+    if joints.ignored and wanted == "maximal":
+        raise SceneError(Problem("/", f"coordinates is maximal, and {joints.ignored}"))
     return joints
+
+
+def ignored_terms(joints: list, why: str) -> str:
+    """What joints in maximal coordinates leave out, "" where nothing; why: reason for these coordinates."""
+    for name, what in (("mimics", "a mimic"), ("armature", "armature"), ("friction", "dry friction")):
+        found = [joint.path for joint in joints if getattr(joint, name)]
+        if found:
+            others = f" and {len(found) - 1} other joints" * (len(found) > 1)
+            return (f"{found[0]}{others} have {what}, which joints have in reduced coordinates alone; this scene takes maximal "
+                    f"ones: {why}; fix: change that, or remove {what}")
+    return ""

@@ -28,6 +28,8 @@ def unsupported_joint(joint: Joint) -> str:
         return "it limits a distance"
     if min(joint.force, joint.torque) < inf:
         return "it may break"
+    if joint.mimics:
+        return "it mimics another joint"
     if joint.motion.moves:
         return "what it hangs from moves"
     if hinges == ["rotY", "rotZ"]:

@@ -11,6 +11,7 @@ from wsim.kernels.rigid.joint.tree.tables import mat66d, tree_structs
 from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
+from wsim.physics.rigid.joints.joint import AXES, PASSIVE
 from wsim.physics.rigid.joints.tables import DeviceJoints
 from wsim.physics.rigid.joints.trees.links import tree_links
 
@@ -73,20 +74,29 @@ class DeviceTrees(DeviceJoints):
         arrays = {name: up(of_worlds(name), int) for name in whole}
         frames = self._link_frames()
         masses = [self.method.masses[row] for row in links.body]
-        dofs = sizes["dofs"]
         t = fill_struct(Table, **arrays, start=up(np.tile(self._link_starts(), (worlds, 1)), wp.vec3d),
                         **{name: up(np.tile(rows, (worlds, 1)), wp.vec3d if "at" in name else wp.quatd)
                            for name, rows in frames.items()},
                         mass=up(np.tile([m.mass for m in masses], worlds), wp.float64),
                         moments=up(np.tile([m.moments for m in masses], (worlds, 1)), wp.vec3d),
                         axis=up(np.tile(np.reshape(links.axis, (-1, 3)), (worlds, 1)), wp.vec3d),
-                        armature=up(np.zeros(dofs * worlds), wp.float64), friction=up(np.zeros(dofs * worlds), wp.float64))
+                        **{name: up(np.tile(self._dof_values(name), worlds), wp.float64) for name in PASSIVE})
         more = {"first_column": up(of_worlds("first_column"), int)} | self._contact_tables(of_worlds)
         self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
             scratch = {name: wp.zeros_like(array) for name, array in (("q", self.q), ("qd", self.qd))}
             scratch |= self._tree_work(sizes, worlds) | {"mass": self.trees.mass}
             self.scratch = fill_struct(Trees, t=t, **more, **scratch)
+
+    def _dof_values(self, name: str) -> np.ndarray:
+        """Armature or friction of dofs of a world, (dofs,)."""
+        links = self.links
+        tables = [getattr(self.joints[j], name) if j >= 0 else {} for j in np.repeat(links.joint, np.diff(links.first_dof))]
+        return np.array([table.get(AXES[row], 0.0) for table, row in zip(tables, links.row, strict=True)])
+
+    def stored_energy(self) -> float:
+        """Kinetic energy [J] of the armature of the first world."""
+        return float(0.5 * (self._dof_values("armature") * self.qd.numpy()[:self.links.first_dof[-1]]**2).sum())
 
     def _contact_tables(self, of_worlds) -> dict[str, Any]:
         """Tables of links that contacts may push."""
@@ -109,7 +119,8 @@ class DeviceTrees(DeviceJoints):
     def _tree_work(self, sizes: dict[str, int], worlds: int) -> dict[str, Any]:
         def zeros(size, dtype=wp.float64):
             return wp.zeros(max(1, sizes[size] * worlds), dtype=dtype, device=self.device)
-        of_dofs = "tau", "qd_start", "qd_before", "rate", "rates", "mean", "gains", "mass", "push", "rub", "response"
+        of_dofs = ("tau", "qd_start", "qd_before", "rate", "rates", "mean", "gains", "mass", "push", "rub", "rub_most",
+                   "response")
         vectors = dict.fromkeys(("X", "W", "V", "A_w", "A_v", "N", "F", "mc"), "links") | {"S_w": "dofs", "S_v": "dofs"}
         numbers = dict.fromkeys(of_dofs, "dofs") | dict.fromkeys(("H", "H_before", "W_factors"), "entries")
         numbers |= {"m": "links", "q_before": "coordinates", "q_start": "coordinates", "column": "columns"}
