@@ -13,6 +13,8 @@ never starts Warp.
 TYPE_CHECKING = False            # as typing's, without importing typing
 if TYPE_CHECKING:
     from wsim.fitting.fit import fit
+    from wsim.fitting.joints.goals import Goal
+    from wsim.fitting.joints.joint_tree import JointTree
     from wsim.fitting.observations.observe import Track
     from wsim.gradient.recording import Recording
     from wsim.physics.animation.objects import Skeleton
@@ -59,6 +61,7 @@ _HOME = {
     "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Bulk": "wsim.scene.solid",
     "Fabric": "wsim.scene.fabric", "fabric": "wsim.scene.fabric", "shapes": "wsim.scene.shapes",
     "Body": "wsim.physics.rigid.objects", "Joint": "wsim.physics.rigid.joints.joint", "Rods": "wsim.physics.rods.objects",
+    "Goal": "wsim.fitting.joints.goals", "JointTree": "wsim.fitting.joints.joint_tree",
     "Fluid": "wsim.physics.fluid.objects", "Source": "wsim.physics.fluid.objects",
     "Liquid": "wsim.physics.fluid.liquid.objects", "LiquidSource": "wsim.physics.fluid.liquid.objects",
     "PointCloud": "wsim.physics.contact.collider.point_cloud",
@@ -68,10 +71,10 @@ _HOME = {
     "Recorder": "wsim.usd.result.recorder", "sweep": "wsim.sweep",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
-    "Body", "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Fluid", "Joint", "Liquid",
-    "LiquidSource", "Load", "Motion", "Pin", "Plane", "PointCloud", "Problem", "Recorder", "Recording", "Rods", "Scene",
-    "SceneError", "Simulation", "Skeleton", "Skin", "Soft", "Source", "Sphere", "Springs", "Surface", "Tie", "Track", "fabric",
-    "fit", "load", "save", "shapes",
+    "Body", "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Fluid", "Goal", "Joint",
+    "JointTree", "Liquid", "LiquidSource", "Load", "Motion", "Pin", "Plane", "PointCloud", "Problem", "Recorder", "Recording",
+    "Rods", "Scene", "SceneError", "Simulation", "Skeleton", "Skin", "Soft", "Source", "Sphere", "Springs", "Surface", "Tie",
+    "Track", "fabric", "fit", "load", "save", "shapes",
 ]
 
 

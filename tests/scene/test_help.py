@@ -44,7 +44,7 @@ def explained(cls: type) -> dict[str, str]:
 
 
 def test_every_public_name_has_a_docstring():
-    assert len(wsim.__all__) <= 40
+    assert len(wsim.__all__) <= 42                    # 40 until inverse kinematics came, which is a class and its goals
     assert [name for name, value in PUBLIC.items() if not inspect.getdoc(value)] == []
 
 
@@ -71,6 +71,8 @@ def test_every_public_name_has_an_example_that_runs(name, tmp_path, monkeypatch)
     given = {"np": np, "scene": scene, "flag": flag, "seen": np.zeros((2, 81, 3))}
     if name in ("Tie", "Skin"):
         given["jelly"] = scene.soft("/jelly", *wsim.shapes.block((0.2, 0.2, 0.2), 2, at=(3.0, 0.0, 0.0)))
+    if name == "JointTree":
+        scene.joint("revolute", "/hinge", None, scene.body("/hand", wsim.Box((0.5, 0.1, 0.1))), axis=(0, 0, 1))
     if name == "Recording":
         given["simulation"] = wsim.Simulation(scene, device="cpu", gradients=True)
     assert (code := example(PUBLIC[name])), f"help({name}) has no example: ... as in `CODE`"
