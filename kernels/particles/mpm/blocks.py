@@ -18,6 +18,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.cpu.atomics import SHARED
 from wsim.kernels.particles.mpm.tables import CELLS, LAYER, SIDE, point_tables
 
 EMPTY = wp.constant(wp.int64(0))    # the key of a corner that no particle reaches
@@ -26,10 +27,25 @@ CROWD = wp.constant(4096)          # particles of a cell, at most
 
 
 @cache
-def block_functions(real) -> SimpleNamespace:
+def block_functions(real, team: bool = False) -> SimpleNamespace:
     """make_key(grid, world, i, j, k) of a cell's block; shift_key(grid, key, number of a neighbour); insert_block(grid, key);
-    find_block(grid, key) -> number or -1; local_cell(i, j, k) within its block."""
-    G = point_tables(real).BlockGrid
+    find_block(grid, key) -> number or -1; local_cell(i, j, k) within its block. team: threads of a CPU insert side by side."""
+    G, shared = point_tables(real).BlockGrid, SHARED
+
+    @wp.func
+    def claim_slot(g: G, s: int, key: wp.int64):
+        """The key that a slot had."""
+        if wp.static(team):
+            return shared.swap(g.slot, s, EMPTY, key)
+        else:                                                  # noqa: RET505 - one of them is compiled
+            return wp.atomic_cas(g.slot, s, EMPTY, key)
+
+    @wp.func
+    def next_number(g: G):
+        if wp.static(team):
+            return shared.add(g.used, 0, 1)
+        else:                                                  # noqa: RET505
+            return wp.atomic_add(g.used, 0, 1)
 
     @wp.func
     def make_key(g: G, world: int, i: int, j: int, k: int):
@@ -74,9 +90,9 @@ def block_functions(real) -> SimpleNamespace:
         for _ in range(probes):
             found = g.slot[s]
             if found == EMPTY:
-                found = wp.atomic_cas(g.slot, s, EMPTY, key)
+                found = claim_slot(g, s, key)
                 if found == EMPTY:
-                    n = wp.atomic_add(g.used, 0, 1)
+                    n = next_number(g)
                     g.number[s] = -1
                     if n < g.key.shape[0]:
                         g.number[s] = n
@@ -85,7 +101,7 @@ def block_functions(real) -> SimpleNamespace:
             if found == key:
                 return
             s = (s + 1) & (g.slot.shape[0] - 1)
-        wp.atomic_add(g.used, 0, 1)                            # too full: counted, so that more room is made
+        next_number(g)                                         # too full: counted, so that more room is made
 
     @wp.func
     def local_cell(i: int, j: int, k: int):
@@ -96,10 +112,11 @@ def block_functions(real) -> SimpleNamespace:
 
 
 @cache
-def block_kernels(real, module, flow: bool = False) -> SimpleNamespace:
+def block_kernels(real, module, flow: bool = False, team: bool = False) -> SimpleNamespace:
     """Kernels: mark, count, place over particles; near over 27 of each block, start over its four layers; settle over cells.
-    flow: particles come and go (flow.py)."""
-    T, f, name = point_tables(real), block_functions(real), types(real).name
+    flow: particles come and go (flow.py). team: threads of a CPU share them; a block's particles then follow each other."""
+    T, f, name, shared = point_tables(real), block_functions(real, team), types(real).name, SHARED
+    layer = int(CELLS if team else LAYER)
 
     def mark_blocks(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid):
         p = wp.tid()
@@ -134,7 +151,10 @@ def block_kernels(real, module, flow: bool = False) -> SimpleNamespace:
         b = f.find_block(g, f.make_key(g, materials.world[points.row[p]], i, j, k))
         g.block[p] = b
         if b >= 0:
-            g.rank[p] = wp.atomic_add(g.count, b * CELLS + f.local_cell(i, j, k), 1)
+            if wp.static(team):
+                g.rank[p] = shared.add(g.count, b * CELLS + f.local_cell(i, j, k), 1)
+            else:
+                g.rank[p] = wp.atomic_add(g.count, b * CELLS + f.local_cell(i, j, k), 1)
 
     def near_blocks(g: T.BlockGrid):
         n = wp.tid()
@@ -144,22 +164,29 @@ def block_kernels(real, module, flow: bool = False) -> SimpleNamespace:
 
     def start_cells(g: T.BlockGrid, word: wp.array(dtype=int)):
         n = wp.tid()
-        begin = n * LAYER
+        cells = int(layer)
+        begin = n * cells
         if begin // CELLS >= wp.min(g.used[0], g.key.shape[0]):
             return
         sum = int(0)
         most = int(0)
-        cells = int(LAYER)
         for c in range(begin, begin + cells):
             m = g.count[c]
             sum += m
             most = wp.max(most, m)
-        at = wp.atomic_add(g.used, 1, sum)
+        at = int(0)
+        if wp.static(team):                                    # noqa: SIM108 - one of them is compiled
+            at = shared.add(g.used, 1, sum)
+        else:
+            at = wp.atomic_add(g.used, 1, sum)
         for c in range(begin, begin + cells):
             g.first[c] = at
             at += g.count[c]
         if most > word[1]:
-            wp.atomic_max(word, 1, most)
+            if wp.static(team):
+                shared.raise_int(word, 1, most)
+            else:
+                wp.atomic_max(word, 1, most)
         if n == 0 and g.used[0] > word[0]:
             word[0] = g.used[0]
 
@@ -185,6 +212,7 @@ def block_kernels(real, module, flow: bool = False) -> SimpleNamespace:
                 m -= 1
             g.order[m] = p
 
-    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'flow_' * flow}{name}", module=module, enable_backward=False)
+    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'flow_' * flow}{'team_' * team}{name}", module=module,
+                                    enable_backward=False)
             for k in (mark_blocks, count_points, near_blocks, start_cells, place_points, settle_cells)}
     return SimpleNamespace(**made)

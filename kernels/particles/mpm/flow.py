@@ -2,9 +2,9 @@
 
     0  it has not come yet      1  it is there      2 + k  sink k has taken it
 
-Rows of all that will come stand in the tables from the start, at the places where they come (wsim/physics/mpm/pouring.py). One
-that comes late by s within a step begins at x + s v, so that a stream keeps its spacing whatever the steps are. Until it comes,
-it bounds the steps of its frame as one that is there.
+Rows of all that will come stand in the tables from the start, at the places where they come
+(wsim/physics/mpm/sources/pouring.py). One that comes late by s within a step begins at x + s v, so that a stream keeps its
+spacing whatever the steps are. Until it comes, it bounds the steps of its frame as one that is there.
 """
 
 # ruff: noqa: UP018
@@ -17,6 +17,7 @@ import warp as wp
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.cpu.atomics import real_raise
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.tables import point_tables
 
@@ -39,11 +40,12 @@ def birth_table(real):
 
 
 @cache
-def birth_kernels(laws: tuple[str, ...], waves: bool, real, module) -> SimpleNamespace:
+def birth_kernels(laws: tuple[str, ...], waves: bool, real, module, team: bool = False) -> SimpleNamespace:
     """Kernels over as many threads as come in two frames. measure_births: the steps that what comes in this frame needs,
     before its first; wake_particles: at the start of a step, those that have come before it. waves: steps are as short as waves
-    need."""
+    need. team: threads of a CPU share them."""
     t, T, B, f = types(real), point_tables(real), birth_table(real), motion_functions(laws, real)
+    raise_pace = real_raise(real)
 
     @wp.func
     def waiting_row(b: B, thread: int):
@@ -77,10 +79,13 @@ def birth_kernels(laws: tuple[str, ...], waves: bool, real, module) -> SimpleNam
                 if late >= real(0.0):
                     points.there[p] = THERE
                     f.shift_particle(points, p, points.i[p], points.j[p], points.k[p], points.o[p], (late / dx) * points.v[p])
+                elif wp.static(waves and team):
+                    raise_pace(pace, 1, birth_rate(points, materials, p, dx))
                 elif wp.static(waves):
                     wp.atomic_max(pace, 1, birth_rate(points, materials, p, dx))
 
-    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join(laws)}_{'waves_' * waves}{t.name}", module=module,
+    form = "waves_" * waves + "team_" * team
+    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join(laws)}_{form}{t.name}", module=module,
                                     enable_backward=False)
             for k in (measure_births, wake_particles)}
     return SimpleNamespace(**made)

@@ -6,7 +6,7 @@
     v = sum_i w v_i,  C = 4 / dx^2 sum_i w v_i (x_i - x_p)^T                    gathered by particle
 
 tau = J sigma is the Kirchhoff stress, tau V0 = P F^T V0. Each sum has one order, so that bits repeat. On a CPU, whose threads
-come one after the other, a particle adds to its nodes (vectors.py).
+come one after the other, a particle adds to its nodes (cpu/vectors.py).
 """
 
 # ruff: noqa: UP018
@@ -19,18 +19,20 @@ import warp as wp
 
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.cpu.atomics import real_raise
+from wsim.kernels.particles.mpm.cpu.tiles import tile_transfers
+from wsim.kernels.particles.mpm.cpu.vectors import vector_transfers
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.spline import spline_rows, spline_weight
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
-from wsim.kernels.particles.mpm.vectors import vector_transfers
 from wsim.kernels.particles.mpm.walls import wall_functions
 
 
 @cache
 def sorted_kernels(real, module) -> SimpleNamespace:
     """Kernels over rows of the order, clock: h, time in the frame [s]. sort_momentum: what nodes read of a particle, row behind
-    row; scatter_momentum, on a CPU: adds it to the nodes."""
-    t, T, vectors = types(real), point_tables(real), vector_transfers(real)
+    row; scatter_momentum, on a CPU: adds it to the nodes; scatter_to_tiles: to tiles (cpu/tiles.py)."""
+    t, T, vectors, by_tile = types(real), point_tables(real), vector_transfers(real), tile_transfers(real)
 
     @wp.func
     def read_momentum(points: T.PointRows, materials: T.MaterialRows, p: int, dx: real, h: real):
@@ -68,8 +70,14 @@ def sorted_kernels(real, module) -> SimpleNamespace:
         vectors.scatter_row(g, g.block[p], points.i[p], points.j[p], points.k[p], points.o[p],
                             read_momentum(points, materials, p, g.dx, clock[0]), nodes)
 
+    def scatter_to_tiles(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid, clock: wp.array(dtype=real),
+                         tiles: wp.array2d(dtype=t.vec4)):
+        p = g.order[wp.tid()]
+        by_tile.scatter_row(g.block[p], points.i[p], points.j[p], points.k[p], points.o[p],
+                            read_momentum(points, materials, p, g.dx, clock[0]), tiles)
+
     made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{t.name}", module=module, enable_backward=False)
-            for k in (sort_momentum, scatter_momentum)}
+            for k in (sort_momentum, scatter_momentum, scatter_to_tiles)}
     return SimpleNamespace(**made)
 
 
@@ -126,11 +134,11 @@ def node_function(real):
 
 
 @cache
-def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
+def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module, tiles: bool = False):
     """Kernel over nodes of all blocks: velocities at the end of the step, and 1 where a collider is near. clock as above. cpu:
-    nodes hold what particles have added."""
+    nodes hold what particles have added. tiles: `sums` are tiles (cpu/tiles.py)."""
     t, T, Colliders = types(real), point_tables(real), collider_type(real)
-    gather, wall = node_function(real), wall_functions(kinds, real)
+    gather, wall = tile_transfers(real).sum_tiles if tiles else node_function(real), wall_functions(kinds, real)
     walls = bool(kinds)
 
     def move_nodes(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,
@@ -153,8 +161,8 @@ def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
                 v, near = wall.hold_node(c, wall.node_place(g, b, n % CELLS), v, clock[0] + clock[1], g.dx)
         node_out[n] = t.vec4(v[0], v[1], v[2], near)
 
-    return wp.kernel(move_nodes, name=f"mpm_move_nodes_{'_'.join(kinds)}_{'cpu_' * cpu}{t.name}", module=module,
-                     enable_backward=False)
+    return wp.kernel(move_nodes, name=f"mpm_move_nodes_{'_'.join(kinds)}_{'cpu_' * cpu}{'tiles_' * tiles}{t.name}",
+                     module=module, enable_backward=False)
 
 
 @cache
@@ -196,13 +204,16 @@ def gather_function(cpu: bool, real):
 
 
 @cache
-def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real, module):
+def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real, module, tiles: bool = False):
     """Kernel over rows of the order: velocity, its gradient, strain, stress and place of a particle after the step. word, pace:
-    see steps.py."""
+    see steps.py. tiles: nodes are tiles (cpu/tiles.py), of threads that share the pace."""
     t, T, Colliders = types(real), point_tables(real), collider_type(real)
     f, wall, walls, gather = motion_functions(laws, real), wall_functions(kinds, real), bool(kinds), gather_function(cpu, real)
+    nodes_type, raise_pace = wp.array(dtype=t.vec4), real_raise(real)
+    if tiles:
+        nodes_type, gather = wp.array2d(dtype=t.vec4), tile_transfers(real).gather_row
 
-    def move_particles(g: T.BlockGrid, nodes: wp.array(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,
+    def move_particles(g: T.BlockGrid, nodes: nodes_type, materials: T.MaterialRows, c: Colliders,
                        clock: wp.array(dtype=real), points: T.PointRows, word: wp.array(dtype=int),
                        pace: wp.array(dtype=real)):
         n = wp.tid()
@@ -226,10 +237,14 @@ def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, re
         need = f.deform_particle(points, materials, p, h, C, v, g.dx)
         f.shift_particle(points, p, i, j, k, o, way)
         if need > pace[1]:
-            wp.atomic_max(pace, 1, need)
+            if wp.static(tiles):
+                raise_pace(pace, 1, need)
+            else:
+                wp.atomic_max(pace, 1, need)
         limit = (1 << (g.bits + 1)) - 8                        # cells that a key has room for, to either side
         if wp.abs(i) > limit or wp.abs(j) > limit or wp.abs(k) > limit:
             word[2] = p + 1
 
-    return wp.kernel(move_particles, name=f"mpm_move_particles_{'_'.join((*kinds, *laws))}_{'cpu_' * cpu}{t.name}",
-                     module=module, enable_backward=False)
+    form = "cpu_" * cpu + "tiles_" * tiles
+    return wp.kernel(move_particles, name=f"mpm_move_particles_{'_'.join((*kinds, *laws))}_{form}{t.name}", module=module,
+                     enable_backward=False)

@@ -8,7 +8,6 @@ import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.contact.collider.shells import has_obstacles
-from wsim.physics.mpm.check_flow import check_pour, check_sink, check_start
 from wsim.physics.mpm.implicit.choice import (
     IMPLICIT_MATERIALS,
     INTEGRATORS,
@@ -20,6 +19,7 @@ from wsim.physics.mpm.implicit.choice import (
 from wsim.physics.mpm.memory import check_memory
 from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, MaterialSink, Snow, Water
 from wsim.physics.mpm.seeding import coarsened, place_particles
+from wsim.physics.mpm.sources.check_flow import check_pour, check_sink, check_start
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
 

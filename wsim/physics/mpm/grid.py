@@ -86,6 +86,15 @@ class SparseGrid:
         self.move_nodes = node_kernel(kinds, not self.gathers, real, module)
         self.move_particles = particle_kernel(kinds, laws, not self.gathers, real, module)
 
+    def complete_kernels(self) -> None:
+        """Makes kernels that depend on what comes and goes."""
+
+    def send_helpers(self) -> None:
+        """Before a frame: other threads of a CPU may come to it."""
+
+    def look_back(self, steps: int) -> None:
+        """Behind a frame of so many steps."""
+
     def zeros(self, count: int, dtype: Any = None) -> Any:
         """Zeros on the device."""
         return wp.zeros(max(count, 1), dtype=self.real if dtype is None else dtype, device=self.model.device)

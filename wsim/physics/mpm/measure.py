@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from wsim.physics.mpm.flow import tally_flow
 from wsim.physics.mpm.objects import MaterialPoints
+from wsim.physics.mpm.sources.flow import tally_flow
 from wsim.scene import Surface
 from wsim.scene.samples import DROPS, ParticleSample
 from wsim.scene.solids import shape_row

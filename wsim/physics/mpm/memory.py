@@ -7,8 +7,8 @@ import numpy as np
 
 from wsim.physics.fluid.memory import SPARE, free_device_bytes
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
-from wsim.physics.mpm.pouring import PouringShape
 from wsim.physics.mpm.seeding import coarsened, fill_shape
+from wsim.physics.mpm.sources.pouring import PouringShape
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.objects import object_warning
 
@@ -35,7 +35,7 @@ def particle_bytes(count: int, width: int, sides: bool) -> int:
 
 def block_bytes(blocks: int, width: int, sides: bool) -> int:
     """Bytes of so many blocks of 64 cells with their table."""
-    return blocks * (64 * (4 * width + 8) + 27 * 4 + 8 + 4 * 12 + (27 * 64 * 4 * width if sides else 0))
+    return blocks * (64 * (4 * width + 8) + 27 * 4 + 8 + 4 * 12 + 4 * width * (27 * 64 if sides else 216))
 
 
 def refuse_large_bodies(things: list[MaterialPoints], b) -> None:

@@ -17,9 +17,8 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.mpm.coupling.choice import grid_class, law_names, make_walls, pushed_things
 from wsim.physics.mpm.coupling.choice import signature as signature
-from wsim.physics.mpm.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
 from wsim.physics.mpm.grid import MORE
-from wsim.physics.mpm.measure import particle_sample
+from wsim.physics.mpm.measure import find_crowd, find_fastest, particle_sample
 from wsim.physics.mpm.memory import refuse_large_bodies
 from wsim.physics.mpm.seeding import (
     PlacedPoints,
@@ -29,6 +28,7 @@ from wsim.physics.mpm.seeding import (
     place_particles,
     place_poured,
 )
+from wsim.physics.mpm.sources.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
 from wsim.scene.samples import Sample
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class MaterialPointMethod(Method):
         refuse_large_bodies(self.things, b)
         placed = [self._place_thing(k) for k in range(len(self.things))]
         x = np.concatenate([each.x for each in placed])
-        make_grid = grid_class(self.things, b.scene.fps, b.model.gradients, bool(pushed_things(b.model)))
+        make_grid = grid_class(self.things, b.scene.fps, b.model, bool(pushed_things(b.model)))
         self.corner = self.cell * (np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell) + make_grid.shift)
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
         self.times = np.concatenate([each.times for each in placed])
@@ -100,6 +100,7 @@ class MaterialPointMethod(Method):
         if self.flow:
             self.flow.make_kernels(self.laws, self.grid, self.corner)
             self._fill_births()
+        self.grid.complete_kernels()
         b.status.reserve(WORD, WORDS)
         b.status.reserve(SOLVE_WORD, SOLVE_WORDS)
         self.more, self.spare, self.time, self.begins, self.fps = MORE, SPARE, 0.0, 0.0, b.scene.fps
@@ -188,6 +189,7 @@ class MaterialPointMethod(Method):
             self.flow.pose(time, clock.dt)
         self.finer = clock.substeps / self.base                # steps of a frame that is asked for in smaller ones
         self.grid.more.fill_(self.finer * self.more)
+        self.grid.send_helpers()
 
     def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         if self.flow:
@@ -202,7 +204,7 @@ class MaterialPointMethod(Method):
 
     def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         blocks, crowd, gone, steps, excess = (int(n) for n in status.said(WORD))
-        from wsim.physics.mpm.measure import find_crowd, find_fastest
+        self.grid.look_back(steps)
         if blocks > self.grid.blocks:
             return [Remedy("grow", lambda: self._make_room(blocks))]
         if crowd > int(CROWD):

@@ -24,10 +24,10 @@ from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.adjoint.motion import motion_adjoint
 from wsim.kernels.particles.mpm.adjoint.tables import cotangent_rows
 from wsim.kernels.particles.mpm.adjoint.walls import wall_slopes
+from wsim.kernels.particles.mpm.cpu.vectors import vector_transfers
 from wsim.kernels.particles.mpm.spline import spline_rows
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_function
-from wsim.kernels.particles.mpm.vectors import vector_transfers
 from wsim.kernels.particles.mpm.walls import wall_functions
 
 

@@ -17,11 +17,11 @@ import warp as wp
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.math.eigen import eigen_three
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.cpu.vectors import vector_transfers
 from wsim.kernels.particles.mpm.implicit.elastic_laws import principal_function
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.kernels.particles.mpm.transfers import gather_function
-from wsim.kernels.particles.mpm.vectors import vector_transfers
 from wsim.kernels.particles.mpm.walls import wall_functions
 
 LEAST = wp.constant(0.05)          # stretches and changes of volume in a step, below which forces do not grow

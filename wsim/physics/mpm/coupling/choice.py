@@ -16,16 +16,20 @@ def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
     return tuple(sorted({material.law for thing in things for material in thing.materials}))
 
 
-def grid_class(things: list[MaterialPoints], fps: float, gradients: bool, pushes: bool) -> Any:
-    """The class of the grid that takes the steps of a scene's bodies. gradients: explicit steps alone have some, and
-    are taken unless implicit ones are asked for. pushes: what pushes takes explicit steps."""
+def grid_class(things: list[MaterialPoints], fps: float, model: Any, pushes: bool) -> Any:
+    """The class of the grid that takes the steps of a scene's bodies. Explicit steps alone have gradients, and are taken for
+    them unless implicit ones are asked for. pushes: what pushes takes explicit steps."""
+    gradients = model.gradients
     asked = any(thing.integrator == "implicit" for thing in things)
     if pushes:
         from wsim.physics.mpm.coupling.grid import PushingGrid
         return PushingGrid
     if chosen_integrator(things, fps) == "explicit" or gradients and not asked:
-        from wsim.physics.mpm.grid import SparseGrid
-        return SparseGrid
+        from wsim.physics.mpm import grid
+        if grid.gathers(model.device):
+            return grid.SparseGrid
+        from wsim.physics.mpm.tile_grid import TileGrid
+        return TileGrid
     if things[0].material.law == "sand":
         from wsim.physics.mpm.implicit.granular import GranularGrid
         return GranularGrid

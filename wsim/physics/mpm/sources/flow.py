@@ -13,8 +13,8 @@ from wsim.model.model import Model
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.mpm.objects import MaterialPoints, MaterialSink
-from wsim.physics.mpm.pouring import PouredPoints, PouringShape
 from wsim.physics.mpm.seeding import nearest_nodes
+from wsim.physics.mpm.sources.pouring import PouredPoints, PouringShape
 
 FURTHER, LEAST = 1.5, 16     # frames that rows are reserved for, over those before, and at least as many more
 BESIDE = 8                   # particles of each source more than those frames take

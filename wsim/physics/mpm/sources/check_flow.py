@@ -7,8 +7,8 @@ import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.mpm.objects import MaterialPoints, MaterialSink
-from wsim.physics.mpm.pouring import PouringShape
 from wsim.physics.mpm.seeding import coarsened, place_particles
+from wsim.physics.mpm.sources.pouring import PouringShape
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, check_surface, object_warning, thing_error, three_digits
 from wsim.scene.solids import shape_row

@@ -12,22 +12,25 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.tables import point_tables
 
-NODES = """
+WEIGHTS = """
     typedef {real} R;
     typedef R four __attribute__((ext_vector_type(4), aligned(sizeof(R))));
-    const int local[3] = {{i & 3, j & 3, k & 3}}, cells[3] = {{16, 4, 1}}, blocks[3] = {{9, 3, 1}};
-    int cell[3][3], block[3][3];
     R w[3][3], r[3][3];
     for (int a = 0; a < 3; ++a) {{
         const R below = R(0.5) - o[a], above = R(0.5) + o[a];
         w[a][0] = R(0.5) * below * below; w[a][1] = R(0.75) - o[a] * o[a]; w[a][2] = R(0.5) * above * above;
+        for (int n = 0; n < 3; ++n) r[a][n] = R(n - 1) - o[a];
+    }}
+"""
+NODES = WEIGHTS + """
+    const int local[3] = {{i & 3, j & 3, k & 3}}, cells[3] = {{16, 4, 1}}, blocks[3] = {{9, 3, 1}};
+    int cell[3][3], block[3][3];
+    for (int a = 0; a < 3; ++a)
         for (int n = 0; n < 3; ++n) {{
             const int c = local[a] + n - 1;
             cell[a][n] = (c & 3) * cells[a];
             block[a][n] = ((c >> 2) + 1) * blocks[a];
-            r[a][n] = R(n - 1) - o[a];
         }}
-    }}
     const int* near = g.near.data + 27 * b;
 """
 SCATTER = """

@@ -1,0 +1,1 @@
+"""The explicit material point method on threads of a CPU."""

@@ -1,0 +1,1 @@
+"""What pours in and what sinks take."""
