@@ -103,6 +103,7 @@ def rigid_contact_structs(real):
         starts: wp.array(dtype=int)            # of colours in `order`, and the end
         colours: wp.array(dtype=int)           # (1,): how many
         flags: wp.array(dtype=int)             # (2,): what one thread says to all
+        node: wp.array(dtype=int)              # of bodies: the body whose colours it shares, which joins all of its tree
         taken: wp.array(dtype=wp.int64)        # of bodies: colours of their manifolds, a bit each
         place: wp.array(dtype=int)             # of colours: where the next manifold goes
         first: wp.array(dtype=int)             # of bodies: rank of the manifold that may take a colour

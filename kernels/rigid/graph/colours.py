@@ -35,27 +35,34 @@ def colour_grant_functions(real):
     Rig = rig_type(real)
 
     @wp.func
+    def coloured_node(shape: int, rig: Rig):
+        """What a shape's body shares colours with: itself, or all of its tree. -1 for a collider."""
+        f = rig.s.frame[shape]
+        found = int(-1)
+        if f < rig.b.w.shape[0]:
+            found = rig.work.node[f]
+        return found
+
+    @wp.func
     def colours_of_bodies(m: int, rig: Rig):
         """Colours that the bodies of m have."""
-        n = rig.b.w.shape[0]
-        f = rig.s.frame[rig.c.a[m]]
-        g = rig.s.frame[rig.c.b[m]]
+        f = coloured_node(rig.c.a[m], rig)
+        g = coloured_node(rig.c.b[m], rig)
         bits = wp.int64(0)
-        if f < n:
+        if f >= 0:
             bits = rig.work.taken[f]
-        if g < n:
+        if g >= 0:
             bits = bits | rig.work.taken[g]
         return bits
 
     @wp.func
     def mark_manifold_colour(m: int, colour: int, rig: Rig):
-        n = rig.b.w.shape[0]
-        f = rig.s.frame[rig.c.a[m]]
-        g = rig.s.frame[rig.c.b[m]]
+        f = coloured_node(rig.c.a[m], rig)
+        g = coloured_node(rig.c.b[m], rig)
         bit = wp.int64(1) << wp.int64(colour)
-        if f < n:
+        if f >= 0:
             wp.atomic_or(rig.work.taken, f, bit)
-        if g < n:
+        if g >= 0:
             wp.atomic_or(rig.work.taken, g, bit)
         rig.c.colour[m] = colour
 
@@ -72,29 +79,27 @@ def colour_grant_functions(real):
         """Whether m asks for a colour."""
         asks = rig.c.count[m] > 0 and rig.c.colour[m] < 0
         if asks:
-            n = rig.b.w.shape[0]
-            f = rig.s.frame[rig.c.a[m]]
-            g = rig.s.frame[rig.c.b[m]]
+            f = coloured_node(rig.c.a[m], rig)
+            g = coloured_node(rig.c.b[m], rig)
             if colours_of_bodies(m, rig) == ALL:
                 rig.c.colour[m] = SERIAL
                 asks = False
             else:
-                if f < n:
+                if f >= 0:
                     wp.atomic_min(rig.work.first, f, scrambled_rank(m))
-                if g < n:
+                if g >= 0:
                     wp.atomic_min(rig.work.first, g, scrambled_rank(m))
         return asks
 
     @wp.func
     def assign_manifold_colour(m: int, rig: Rig):
         if rig.c.count[m] > 0 and rig.c.colour[m] < 0:
-            n = rig.b.w.shape[0]
-            f = rig.s.frame[rig.c.a[m]]
-            g = rig.s.frame[rig.c.b[m]]
+            f = coloured_node(rig.c.a[m], rig)
+            g = coloured_node(rig.c.b[m], rig)
             granted = bool(True)
-            if f < n:
+            if f >= 0:
                 granted = rig.work.first[f] == scrambled_rank(m)
-            if g < n:
+            if g >= 0:
                 granted = granted and rig.work.first[g] == scrambled_rank(m)
             if granted:
                 bits = colours_of_bodies(m, rig)

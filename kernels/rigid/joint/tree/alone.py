@@ -1,4 +1,4 @@
-"""Kernels over trees, a thread each: substeps of those that touch nothing, accelerations, and velocities of momenta."""
+"""Kernels over trees, by the lanes of each: substeps of those that touch nothing, accelerations, and velocities of momenta."""
 
 import warp as wp
 
@@ -6,6 +6,7 @@ from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import joint_step_functions
 from wsim.kernels.rigid.joint.tree.joint_forces import note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import place_tree
+from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, solve_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.newton_euler import sum_tree_wrenches
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
@@ -22,7 +23,7 @@ def tree_substep_kernel(real, module):
     begin, step, write, kicks, place = f.begin, f.step, f.write, lone.kicks, lone.place
 
     def rigid_trees(steps: wp.vec2i, h: real, b: Bodies, J: Linked, T: Trees, asleep: wp.array(dtype=int), now: Moving):
-        g = wp.tid()
+        g = wp.tid() // tree_lanes()
         i = J.t.body[J.t.first_body[g]]
         if asleep:
             if asleep[i] == 1:
@@ -36,7 +37,7 @@ def tree_substep_kernel(real, module):
                 note_drive_work(g, k, d, T, J)
             place_tree(g, T)
             write(g, T, now)
-        else:
+        elif tree_lane() == 0:
             for _k in range(steps[0], steps[1]):
                 kicks(i, h, b, now, J)
                 place(i, h, b, now, J)
@@ -50,24 +51,26 @@ def tree_velocity_kernel(real, module):
     Bodies, Moving = body_structs(real)
 
     def project_tree_velocity(now: Moving, T: Trees):
-        g = wp.tid()
+        g = wp.tid() // tree_lanes()
         t = T.t
         if t.first_link[g + 1] > t.first_link[g]:
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             root = t.first_link[g]
             dofs = tree_dofs(g, T)
-            for d in range(dofs[0], dofs[1]):
+            for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.tau[d] = wp.float64(0.0)
                 T.H[t.first_entry[d]] = T.H[t.first_entry[d]] - t.armature[d]      # momenta of bodies are without it
+            tree_barrier()
             factor_tree_matrix(g, T)
-            for link in range(root, t.first_link[g + 1]):
+            for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
                 p = double_vec3(now.p[t.body[link]])
                 T.F[link] = -p
                 T.N[link] = -double_vec3(now.L[t.body[link]]) - wp.cross(T.X[link] - T.X[root], p)
+            tree_barrier()
             sum_tree_wrenches(g, T)
             solve_tree_matrix(g, T.tau, T)
-            for d in range(dofs[0], dofs[1]):
+            for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.tau[d]
 
     return wp.kernel(project_tree_velocity, name="project_tree_velocity", module=module, enable_backward=False)
@@ -80,7 +83,7 @@ def tree_acceleration_kernel(real, module):
     Bodies, _ = body_structs(real)
 
     def tree_accelerations(h: real, b: Bodies, J: Linked, T: Trees):
-        g = wp.tid()
+        g = wp.tid() // tree_lanes()
         if T.t.first_link[g + 1] > T.t.first_link[g]:
             begin(g, wp.float64(h), b, T, J)
             evaluate(g, 0, wp.float64(1.0), wp.float64(h), b, T, J)

@@ -3,9 +3,9 @@ bodies.
 
     A_ij = g_i^T D g_j,   g_i = (x_i x n, n)          x_i: point i from O; of both sides, less what both share in one tree
 
-Velocities are those of the coordinates. Impulses of a manifold are found together along n, then friction point by point, and
-go to
-all dofs of a tree at once, so that what hangs on a link is felt in the first sweep.
+Velocities are those of the coordinates, as u (responses.py). Impulses of a manifold are found together along n, then friction
+point by point, and go to all dofs of a tree at once, so that what hangs on a link is felt in the first sweep. All lanes of a
+tree find the same impulses.
 """
 
 from functools import cache
@@ -18,7 +18,15 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid.complementarity.manifold_impulse import manifold_impulse_func
 from wsim.kernels.rigid.contact import rig_type, surface_law_functions
 from wsim.kernels.rigid.impulse import impulse_formulas, tangent_func
-from wsim.kernels.rigid.joint.tree.responses import cross_response, link_twist, push_link, solve_link_responses
+from wsim.kernels.rigid.joint.tree.lanes import (
+    column_lane,
+    column_lanes,
+    row_lane,
+    row_lanes,
+    tree_barrier,
+    tree_lane,
+)
+from wsim.kernels.rigid.joint.tree.responses import cross_response, link_twist, push_link
 from wsim.kernels.rigid.joint.tree.tables import Trees, mat66d, vec6d
 from wsim.kernels.rigid.motion import double_vec3
 from wsim.kernels.rigid.soft_step import NEAR, contact_goal_functions
@@ -97,7 +105,7 @@ def link_contact_functions(real):
         else:
             pair.V_b = collider_twist(f_b, k, rig)
         if pair.g_a == pair.g_b:
-            pair.D_ab = cross_response(pair.g_a, pair.l_a, pair.l_b, T)
+            pair.D_ab = cross_response(pair.l_a, pair.l_b, T)
         return pair
 
     @standalone_function
@@ -118,36 +126,40 @@ def link_contact_functions(real):
 
     @standalone_function
     @wp.func
+    def line_response(pair: LinkPair, m: int, i: int, d: t.vec3, e: int, d_by: t.vec3, rig: Rig):
+        """Change of the relative velocity along d at point i by a unit impulse along d_by at point e."""
+        a = point_line(pair.x_a + double_vec3(rig.work.r_a[4 * m + i]), double_vec3(d))
+        b = point_line(pair.x_b + double_vec3(rig.work.r_b[4 * m + i]), double_vec3(d))
+        a_by = point_line(pair.x_a + double_vec3(rig.work.r_a[4 * m + e]), double_vec3(d_by))
+        b_by = point_line(pair.x_b + double_vec3(rig.work.r_b[4 * m + e]), double_vec3(d_by))
+        return real(relative_response(pair, a, b, a_by, b_by))
+
+    @standalone_function
+    @wp.func
     def prepare_link_manifold(m: int, k: int, rig: Rig, T: Trees):
         """Arms, gaps, A and K of a manifold. Responses of its links are there."""
-        prepare_arms(m, k, rig)
         count = rig.c.count[m]
         if count > 0:
+            if tree_lane() == 0:
+                prepare_arms(m, k, rig)
+            tree_barrier()
             pair = read_link_pair(m, k, rig, T)
             n = rig.c.n[m]
             t1 = first(n)
             t2 = wp.cross(n, t1)
-            A = t.mat44()
-            for i in range(count, 4):
-                A[i, i] = real(1.0)
-            for i in range(count):
-                x_a = pair.x_a + double_vec3(rig.work.r_a[4 * m + i])
-                x_b = pair.x_b + double_vec3(rig.work.r_b[4 * m + i])
-                a = point_line(x_a, double_vec3(n))
-                b = point_line(x_b, double_vec3(n))
-                for e in range(count):
-                    y_a = pair.x_a + double_vec3(rig.work.r_a[4 * m + e])
-                    y_b = pair.x_b + double_vec3(rig.work.r_b[4 * m + e])
-                    A[i, e] = real(relative_response(pair, a, b, point_line(y_a, double_vec3(n)),
-                                                     point_line(y_b, double_vec3(n))))
-                a1 = point_line(x_a, double_vec3(t1))
-                b1 = point_line(x_b, double_vec3(t1))
-                a2 = point_line(x_a, double_vec3(t2))
-                b2 = point_line(x_b, double_vec3(t2))
-                rig.work.K[4 * m + i] = t.vec3(real(relative_response(pair, a1, b1, a1, b1)),
-                                               real(relative_response(pair, a1, b1, a2, b2)),
-                                               real(relative_response(pair, a2, b2, a2, b2)))
-            rig.work.A[m] = A
+            four = int(4)
+            three = int(3)
+            for i in range(row_lane(), four, row_lanes()):
+                for e in range(column_lane(), four, column_lanes()):
+                    found = wp.where(i == e, real(1.0), real(0.0))
+                    if i < count and e < count:
+                        found = line_response(pair, m, i, n, e, n, rig)
+                    rig.work.A[m][i, e] = found
+                if i < count:
+                    for e in range(column_lane(), three, column_lanes()):
+                        rig.work.K[4 * m + i][e] = line_response(pair, m, i, wp.where(e == 2, t2, t1), i,
+                                                                 wp.where(e == 0, t1, t2), rig)
+            tree_barrier()
 
     @standalone_function
     @wp.func
@@ -170,10 +182,11 @@ def link_contact_functions(real):
     @standalone_function
     @wp.func
     def give_wrenches(pair: LinkPair, a: vec6d, b: vec6d, T: Trees):
+        tree_barrier()                                    # all lanes have read velocities
         if pair.l_a >= 0:
-            push_link(pair.g_a, pair.l_a, a, T)
+            push_link(pair.l_a, a, T)
         if pair.l_b >= 0:
-            push_link(pair.g_b, pair.l_b, b, T)
+            push_link(pair.l_b, b, T)
 
     @standalone_function
     @wp.func
@@ -190,7 +203,9 @@ def link_contact_functions(real):
                 j = 4 * m + i
                 rub = rig.c.rub[j] - wp.dot(n, rig.c.rub[j]) * n
                 rub = (real(1.0) - real(0.5) * turn * turn) * rub + turn * wp.cross(n, rub)
-                rig.c.rub[j] = rub
+                tree_barrier()                            # all lanes have read it
+                if tree_lane() == 0:
+                    rig.c.rub[j] = rub
                 more_a, more_b = push_pair(pair, m, i, rig.c.push[j] * n + rub, rig)
                 a += more_a
                 b += more_b
@@ -203,7 +218,6 @@ def link_contact_functions(real):
         if count > 0:
             pair = read_link_pair(m, k, rig, T)
             n = rig.c.n[m]
-            mu = friction_of(m, rig)
             most = fastest(m, rig)
             wanted = t.vec4()
             soft = t.vec4()
@@ -223,35 +237,38 @@ def link_contact_functions(real):
             more = together(rig.work.A[m], before, wanted, soft, close, acts)
             a = vec6d()
             b = vec6d()
+            tree_barrier()
             for i in range(4):
                 if i < count:
-                    rig.c.push[4 * m + i] = before[i] + more[i]
+                    if tree_lane() == 0:
+                        rig.c.push[4 * m + i] = before[i] + more[i]
                     more_a, more_b = push_pair(pair, m, i, more[i] * n, rig)
                     a += more_a
                     b += more_b
+            tree_barrier()
             pair = feel_wrenches(pair, a, b)
             for i in range(count):
                 j = 4 * m + i
-                rub = rubbed(rig.c.rub[j], pair_slip(pair, m, i, rig), n, rig.work.K[j], rig.c.push[j], mu)
+                rub = rubbed(rig.c.rub[j], pair_slip(pair, m, i, rig), n, rig.work.K[j], rig.c.push[j], friction_of(m, rig))
                 more_a, more_b = push_pair(pair, m, i, rub - rig.c.rub[j], rig)
                 pair = feel_wrenches(pair, more_a, more_b)
                 a += more_a
                 b += more_b
-                rig.c.rub[j] = rub
+                tree_barrier()
+                if tree_lane() == 0:
+                    rig.c.rub[j] = rub
             give_wrenches(pair, a, b, T)
 
-    @standalone_function
     @wp.func
-    def meet_links(m: int, rig: Rig, T: Trees):
-        """Makes the responses of the links of a manifold."""
+    def mark_met_links(m: int, rig: Rig, T: Trees):
+        """Notes that the links of a manifold need responses. One lane."""
         if rig.c.count[m] > 0:
-            n = rig.b.w.shape[0]
-            sides = int(2)
-            for side in range(sides):
-                f = rig.s.frame[wp.where(side == 0, rig.c.a[m], rig.c.b[m])]
-                if f < n:
-                    link = T.link_of[f]
-                    if T.met[link] == 0:
-                        solve_link_responses(T.tree_of[link], link, T)
+            f = rig.s.frame[rig.c.a[m]]
+            g = rig.s.frame[rig.c.b[m]]
+            if f < rig.b.w.shape[0]:
+                T.met[T.link_of[f]] = 1
+            if g < rig.b.w.shape[0]:
+                T.met[T.link_of[g]] = 1
 
-    return SimpleNamespace(meet=meet_links, prepare=prepare_link_manifold, warm=warm_link_manifold, solve=solve_link_manifold)
+    return SimpleNamespace(mark=mark_met_links, prepare=prepare_link_manifold, warm=warm_link_manifold,
+                           solve=solve_link_manifold)

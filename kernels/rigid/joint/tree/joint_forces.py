@@ -16,7 +16,8 @@ from wsim.kernels.rigid.joint.coordinates import CONE, swing_twist_angles, swing
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tables import ACCELERATION, NONE
 from wsim.kernels.rigid.joint.tree.kinematics import coordinate_quaternion
-from wsim.kernels.rigid.joint.tree.mass_matrix import solve_tree_matrix, tree_dofs
+from wsim.kernels.rigid.joint.tree.lanes import greatest_of_lanes, tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 
@@ -124,16 +125,28 @@ def row_drive(j: int, r: int, k: int, part: wp.float64, J: Linked):
 
 @standalone_function
 @wp.func
-def row_response_column(g: int, r: JointRow, d: int, T: Trees):
-    """J H^-1 J^T [1/kg], [1/(kg m^2)], by the factors of H; H^-1 J^T becomes the column of dof d."""
-    dofs = tree_dofs(g, T)
-    for i in range(dofs[0], dofs[1]):
-        T.rate[i] = wp.float64(0.0)
-    add_row_force(r, wp.float64(1.0), T.rate)
-    solve_tree_matrix(g, T.rate, T)
-    for i in range(dofs[0], dofs[1]):
-        T.column[T.first_column[d] + i - dofs[0]] = T.rate[i]
-    return row_rate(r, T.rate)
+def row_response_column(r: JointRow, d: int, T: Trees):
+    """J H^-1 J^T [1/kg], [1/(kg m^2)]; Z (responses.py) becomes the column of dof d, which r is the row of. H is factored.
+    One lane."""
+    t = T.t
+    last = r.first + r.count - 1
+    row = t.first_entry[last]
+    n = t.first_entry[last + 1] - row
+    to = T.first_column[d]
+    for p in range(n):
+        T.column[to + p] = wp.float64(0.0)
+    for i in range(r.count):
+        T.column[to + i] = r.J[r.count - 1 - i]
+    found = wp.float64(0.0)
+    for p in range(n):
+        first = t.first_entry[t.entry_dof[row + p]]
+        y = T.column[to + p]
+        for i in range(p + 1, n):
+            T.column[to + i] = T.column[to + i] - T.H[first + i - p] * y
+        y = y / wp.sqrt(T.H[first])
+        T.column[to + p] = y
+        found += y * y
+    return found
 
 
 @standalone_function
@@ -141,12 +154,14 @@ def row_response_column(g: int, r: JointRow, d: int, T: Trees):
 def scale_accelerations(g: int, T: Trees, J: Linked):
     """Sets `mass` of rows with a drive of an acceleration to what the row moves, 1 / J H^-1 J^T; 1 of others. H is factored."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
-        for d in range(t.first_dof[link], t.first_dof[link + 1]):
-            T.mass[d] = wp.float64(1.0)
-            if t.joint[link] >= 0:
-                if J.t.drive[t.joint[link], t.row[d]] == ACCELERATION:
-                    T.mass[d] = wp.float64(1.0) / row_response_column(g, tree_joint_row(link, d, T, J), d, T)
+    dofs = tree_dofs(g, T)
+    for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
+        link = t.dof_link[d]
+        T.mass[d] = wp.float64(1.0)
+        if t.joint[link] >= 0:
+            if J.t.drive[t.joint[link], t.row[d]] == ACCELERATION:
+                T.mass[d] = wp.float64(1.0) / row_response_column(tree_joint_row(link, d, T, J), d, T)
+    tree_barrier()
 
 
 @wp.func
@@ -160,12 +175,13 @@ def row_drive_force(r: JointRow, drive: RowDrive, m: wp.float64, qd: wp.array(dt
 def add_drive_forces(g: int, k: int, part: wp.float64, T: Trees, J: Linked):
     """tau += J^T F of all drives."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
+    for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
             drive = row_drive(t.joint[link], t.row[d], k, part, J)
             if drive.k > wp.float64(0.0) or drive.c > wp.float64(0.0):
                 r = tree_joint_row(link, d, T, J)
                 add_row_force(r, wp.clamp(row_drive_force(r, drive, T.mass[d], T.qd), -drive.most, drive.most), T.tau)
+    tree_barrier()
 
 
 @standalone_function
@@ -173,13 +189,14 @@ def add_drive_forces(g: int, k: int, part: wp.float64, T: Trees, J: Linked):
 def add_drive_inertia(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
     """H += J^T (h c + h^2 k) J of all drives whose force is below its limit."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
+    for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
             drive = row_drive(t.joint[link], t.row[d], k, wp.float64(0.0), J)
             if drive.k > wp.float64(0.0) or drive.c > wp.float64(0.0):
                 r = tree_joint_row(link, d, T, J)
                 if wp.abs(row_drive_force(r, drive, T.mass[d], T.qd)) < drive.most:
                     add_row_inertia(r, T.mass[d] * h * (drive.c + h * drive.k), T)
+    tree_barrier()
 
 
 @standalone_function
@@ -187,13 +204,14 @@ def add_drive_inertia(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
 def add_spring_forces(g: int, k: int, much: wp.float64, x: wp.array(dtype=wp.float64), T: Trees, J: Linked):
     """tau += much J^T k J x, with the same drives as `add_drive_inertia` and velocities qd."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
+    for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
             drive = row_drive(t.joint[link], t.row[d], k, wp.float64(0.0), J)
             if drive.k > wp.float64(0.0):
                 r = tree_joint_row(link, d, T, J)
                 if wp.abs(row_drive_force(r, drive, T.mass[d], T.qd)) < drive.most:
                     add_row_force(r, much * T.mass[d] * drive.k * row_rate(r, x), T.tau)
+    tree_barrier()
 
 
 @standalone_function
@@ -202,13 +220,14 @@ def drive_stiffness(g: int, h: wp.float64, T: Trees, J: Linked):
     """Largest h^2 k / m and h c / m of the drives of a tree, with 1 / m = J H^-1 J^T. H is factored."""
     t = T.t
     found = wp.float64(0.0)
-    for link in range(t.first_link[g], t.first_link[g + 1]):
+    for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
             drive = row_drive(t.joint[link], t.row[d], 0, wp.float64(0.0), J)
             if drive.k > wp.float64(0.0) or drive.c > wp.float64(0.0):
-                much = T.mass[d] * row_response_column(g, tree_joint_row(link, d, T, J), d, T)
+                much = T.mass[d] * row_response_column(tree_joint_row(link, d, T, J), d, T)
                 found = wp.max(found, wp.max(h * h * drive.k * much, h * drive.c * much))
-    return found
+    tree_barrier()
+    return greatest_of_lanes(found)
 
 
 @standalone_function
@@ -217,7 +236,7 @@ def note_drive_work(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
     """Coordinates of joints now, for checks of energy, and the work of drives that ask for a speed over a step of h [s]:
     what is not the spring's, times that speed."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
+    for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         j = t.joint[link]
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
             if j >= 0:
@@ -229,3 +248,4 @@ def note_drive_work(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
                     force = wp.clamp(row_drive_force(r, drive, m, T.qd), -drive.most, drive.most)
                     spring = wp.clamp(m * drive.k * (drive.target - r.g), -drive.most, drive.most)
                     J.given[j] = J.given[j] + h * (force - spring) * drive.speed
+    tree_barrier()

@@ -8,6 +8,7 @@ import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.rotation import rotate_vector, rotation_exponential, unit_quaternion
+from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 
@@ -64,9 +65,46 @@ def place_tree_link(link: int, root: int, T: Trees):
 @wp.func
 def place_tree(g: int, T: Trees):
     """Sets X, Q and S of the links and joints of tree g."""
-    root = T.t.first_link[g]
-    for link in range(root, T.t.first_link[g + 1]):
-        place_tree_link(link, root, T)
+    t = T.t
+    root = t.first_link[g]
+    for level in range(t.first_level[g], t.first_level[g + 1]):
+        for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
+            place_tree_link(t.by_level[slot], root, T)
+        tree_barrier()
+
+
+@wp.func
+def move_link_velocity(link: int, T: Trees):
+    t = T.t
+    p = t.parent[link]
+    w = wp.vec3d()
+    v = wp.vec3d()
+    a = wp.vec3d()
+    b = wp.vec3d()
+    if p >= 0:
+        w = T.W[p]
+        v = T.V[p]
+        a = T.A_w[p]
+        b = T.A_v[p]
+    turning = wp.vec3d()
+    moving = wp.vec3d()
+    for k in range(t.first_dof[link], t.first_dof[link + 1]):
+        sw = T.qd[k] * T.S_w[k]
+        sv = T.qd[k] * T.S_v[k]
+        if t.ball[link] == 1 and k >= t.first_dof[link] + t.slides[link]:
+            turning += sw                       # the axes of a ball turn with the link: V x S w, for all three at once
+            moving += sv
+        else:
+            a += wp.cross(w, sw)
+            b += wp.cross(w, sv) + wp.cross(v, sw)
+            w += sw
+            v += sv
+    a += wp.cross(w, turning)
+    b += wp.cross(w, moving) + wp.cross(v, turning)
+    T.W[link] = w + turning
+    T.V[link] = v + moving
+    T.A_w[link] = a
+    T.A_v[link] = b
 
 
 @standalone_function
@@ -74,36 +112,10 @@ def place_tree(g: int, T: Trees):
 def move_tree_velocities(g: int, T: Trees):
     """Sets W, V of links, and their accelerations without qdd: A_l = A_parent + sum of V x S qd over the joint's dofs."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
-        p = t.parent[link]
-        w = wp.vec3d()
-        v = wp.vec3d()
-        a = wp.vec3d()
-        b = wp.vec3d()
-        if p >= 0:
-            w = T.W[p]
-            v = T.V[p]
-            a = T.A_w[p]
-            b = T.A_v[p]
-        turning = wp.vec3d()
-        moving = wp.vec3d()
-        for k in range(t.first_dof[link], t.first_dof[link + 1]):
-            sw = T.qd[k] * T.S_w[k]
-            sv = T.qd[k] * T.S_v[k]
-            if t.ball[link] == 1 and k >= t.first_dof[link] + t.slides[link]:
-                turning += sw                       # the axes of a ball turn with the link: V x S w, for all three at once
-                moving += sv
-            else:
-                a += wp.cross(w, sw)
-                b += wp.cross(w, sv) + wp.cross(v, sw)
-                w += sw
-                v += sv
-        a += wp.cross(w, turning)
-        b += wp.cross(w, moving) + wp.cross(v, turning)
-        T.W[link] = w + turning
-        T.V[link] = v + moving
-        T.A_w[link] = a
-        T.A_v[link] = b
+    for level in range(t.first_level[g], t.first_level[g + 1]):
+        for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
+            move_link_velocity(t.by_level[slot], T)
+        tree_barrier()
 
 
 @standalone_function
@@ -111,7 +123,7 @@ def move_tree_velocities(g: int, T: Trees):
 def move_tree_coordinates(g: int, h: wp.float64, rate: wp.array(dtype=wp.float64), start: wp.array(dtype=wp.float64), T: Trees):
     """q = start moved for h [s] at generalised velocities `rate`: exact where they stay."""
     t = T.t
-    for link in range(t.first_link[g], t.first_link[g + 1]):
+    for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         d = t.first_dof[link]
         c = t.first_coordinate[link]
         turns = t.slides[link]
@@ -127,3 +139,4 @@ def move_tree_coordinates(g: int, h: wp.float64, rate: wp.array(dtype=wp.float64
             T.q[c + 1] = q[1]
             T.q[c + 2] = q[2]
             T.q[c + 3] = q[3]
+    tree_barrier()

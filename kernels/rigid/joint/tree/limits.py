@@ -14,7 +14,9 @@ from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tables import FAR, LIMITED
 from wsim.kernels.rigid.joint.tree.joint_forces import JointRow, row_rate, row_response_column, tree_joint_row
+from wsim.kernels.rigid.joint.tree.lanes import any_lane, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
+from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 SWEEPS = wp.constant(64)
@@ -62,35 +64,63 @@ def near_limit(link: int, d: int, h: wp.float64, T: Trees, J: Linked):
     return r.g - low < reach or high - r.g < reach
 
 
+@wp.func
+def last_row_dof(d: int, T: Trees):
+    """Last dof on which row d depends: of a ball its third."""
+    link = T.t.dof_link[d]
+    found = d
+    if T.t.ball[link] == 1 and d >= T.t.first_dof[link] + T.t.slides[link]:
+        found = T.t.first_dof[link + 1] - 1
+    return found
+
+
 @standalone_function
 @wp.func
-def apply_row_impulse(g: int, d: int, impulse: wp.float64, T: Trees):
-    """qd += H^-1 J^T impulse, by the column of dof d."""
-    dofs = tree_dofs(g, T)
-    for i in range(dofs[0], dofs[1]):
-        T.qd[i] = T.qd[i] + impulse * T.column[T.first_column[d] + i - dofs[0]]
+def column_rate(d: int, T: Trees):
+    """J qd of row d, by u (responses.py)."""
+    last = last_row_dof(d, T)
+    row = T.t.first_entry[last]
+    found = wp.float64(0.0)
+    for p in range(T.t.first_entry[last + 1] - row):
+        found += T.column[T.first_column[d] + p] * T.u[T.t.entry_dof[row + p]]
+    return found
+
+
+@standalone_function
+@wp.func
+def apply_row_impulse(d: int, impulse: wp.float64, T: Trees):
+    """u += Z impulse, by the column of dof d."""
+    last = last_row_dof(d, T)
+    row = T.t.first_entry[last]
+    tree_barrier()                                     # all lanes have read u
+    for p in range(tree_lane(), T.t.first_entry[last + 1] - row, tree_lanes()):
+        k = T.t.entry_dof[row + p]
+        T.u[k] = T.u[k] + impulse * T.column[T.first_column[d] + p]
+    tree_barrier()
 
 
 @standalone_function
 @wp.func
 def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
-    """Number of rows that act, as qd would have it; their columns are ready. H is factored."""
+    """1 if a row acts, as qd would have it; the columns of those are ready. H is factored."""
     t = T.t
     acting = int(0)
-    for link in range(t.first_link[g], t.first_link[g + 1]):
-        for d in range(t.first_dof[link], t.first_dof[link + 1]):
-            T.push[d] = wp.float64(0.0)
-            T.rub[d] = wp.float64(0.0)
-            T.response[d] = wp.float64(0.0)
-            if h > wp.float64(0.0):
-                T.rub_most[d] = wp.float64(0.5) * h * t.friction[d]
-            acts = t.friction[d] > wp.float64(0.0)
-            if is_limited(link, d, T, J):
-                acts = acts or near_limit(link, d, h, T, J)
-            if acts:
-                T.response[d] = row_response_column(g, tree_joint_row(link, d, T, J), d, T)
-                acting += 1
-    return acting
+    dofs = tree_dofs(g, T)
+    for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
+        link = t.dof_link[d]
+        T.push[d] = wp.float64(0.0)
+        T.rub[d] = wp.float64(0.0)
+        T.response[d] = wp.float64(0.0)
+        if h > wp.float64(0.0):
+            T.rub_most[d] = wp.float64(0.5) * h * t.friction[d]
+        acts = t.friction[d] > wp.float64(0.0)
+        if is_limited(link, d, T, J):
+            acts = acts or near_limit(link, d, h, T, J)
+        if acts:
+            T.response[d] = row_response_column(tree_joint_row(link, d, T, J), d, T)
+            acting = 1
+    tree_barrier()
+    return any_lane(acting)
 
 
 @standalone_function
@@ -98,39 +128,43 @@ def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
 def reset_limit_impulses(g: int, T: Trees):
     """A step begins: impulses count from 0, those behind the places of the last step stay given."""
     dofs = tree_dofs(g, T)
-    for d in range(dofs[0], dofs[1]):
+    for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
         T.push[d] = wp.float64(0.0)
         T.rub[d] = wp.float64(0.0)
+    tree_barrier()
 
 
 @standalone_function
 @wp.func
 def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
-    """One sweep; returns the largest change of a row's rate, over the largest rate."""
+    """One sweep over u; returns the largest change of a row's rate, over the largest rate."""
     t = T.t
     worst = wp.float64(0.0)
     most = wp.float64(1.0e-300)
-    for link in range(t.first_link[g], t.first_link[g + 1]):
-        for d in range(t.first_dof[link], t.first_dof[link + 1]):
-            a = T.response[d]
-            if a > wp.float64(0.0):
-                r = tree_joint_row(link, d, T, J)
-                if t.friction[d] > wp.float64(0.0):
-                    rate = T.qd[d]
-                    rub = wp.clamp(T.rub[d] - rate / a, -T.rub_most[d], T.rub_most[d])
-                    apply_row_impulse(g, d, rub - T.rub[d], T)
-                    worst = wp.max(worst, a * wp.abs(rub - T.rub[d]))
-                    most = wp.max(most, wp.abs(rate))
-                    T.rub[d] = rub
-                if is_limited(link, d, T, J):
-                    ends = limit_rates(r, t.joint[link], t.row[d], h, J)
-                    rate = row_rate(r, T.qd)
-                    free = rate - a * T.push[d]
-                    push = (wp.clamp(free, ends[0], ends[1]) - free) / a
-                    apply_row_impulse(g, d, push - T.push[d], T)
-                    worst = wp.max(worst, a * wp.abs(push - T.push[d]))
-                    most = wp.max(most, wp.abs(rate))
-                    T.push[d] = push
+    dofs = tree_dofs(g, T)
+    for d in range(dofs[0], dofs[1]):
+        a = T.response[d]
+        if a > wp.float64(0.0):
+            link = t.dof_link[d]
+            if t.friction[d] > wp.float64(0.0):
+                rate = column_rate(d, T)
+                before = T.rub[d]
+                rub = wp.clamp(before - rate / a, -T.rub_most[d], T.rub_most[d])
+                apply_row_impulse(d, rub - before, T)
+                worst = wp.max(worst, a * wp.abs(rub - before))
+                most = wp.max(most, wp.abs(rate))
+                T.rub[d] = rub
+            if is_limited(link, d, T, J):
+                ends = limit_rates(tree_joint_row(link, d, T, J), t.joint[link], t.row[d], h, J)
+                rate = column_rate(d, T)
+                before = T.push[d]
+                free = rate - a * before
+                push = (wp.clamp(free, ends[0], ends[1]) - free) / a
+                apply_row_impulse(d, push - before, T)
+                worst = wp.max(worst, a * wp.abs(push - before))
+                most = wp.max(most, wp.abs(rate))
+                T.push[d] = push
+            tree_barrier()
     return worst / most
 
 
@@ -139,12 +173,14 @@ def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
 def solve_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
     """qd obeys limits and friction of tree g. Returns what the last sweep changed, over the largest rate."""
     left = wp.float64(0.0)
-    if start_tree_limits(g, h, T, J) > 0:
+    if start_tree_limits(g, h, T, J) == 1:
+        open_tree_sweeps(g, T)
         sweep = int(0)
         left = wp.float64(1.0)
         while left > DONE and sweep < SWEEPS:
             left = sweep_tree_limits(g, h, T, J)
             sweep += 1
+        close_tree_sweeps(g, T)
     return left
 
 
@@ -154,12 +190,13 @@ def passes_tree_limit(g: int, T: Trees, J: Linked):
     """1 where a coordinate is beyond a limit, or a joint has dry friction."""
     t = T.t
     found = int(0)
-    for link in range(t.first_link[g], t.first_link[g + 1]):
-        for d in range(t.first_dof[link], t.first_dof[link + 1]):
-            if t.friction[d] > wp.float64(0.0):
+    dofs = tree_dofs(g, T)
+    for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
+        link = t.dof_link[d]
+        if t.friction[d] > wp.float64(0.0):
+            found = 1
+        if is_limited(link, d, T, J):
+            r = tree_joint_row(link, d, T, J)
+            if r.g < J.t.low[t.joint[link], t.row[d]] or r.g > J.t.high[t.joint[link], t.row[d]]:
                 found = 1
-            if is_limited(link, d, T, J):
-                r = tree_joint_row(link, d, T, J)
-                if r.g < J.t.low[t.joint[link], t.row[d]] or r.g > J.t.high[t.joint[link], t.row[d]]:
-                    found = 1
-    return found
+    return any_lane(found)

@@ -10,7 +10,8 @@ f, n: outer force [N] and torque about the centre [N m]. (Luh, Walker, Paul 1980
 import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
-from wsim.kernels.rigid.joint.tree.mass_matrix import link_inertia_world
+from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.mass_matrix import link_inertia_world, tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 
@@ -32,13 +33,17 @@ def link_inertial_wrench(link: int, root: int, T: Trees):
 def sum_tree_wrenches(g: int, T: Trees):
     """tau -= C: wrenches of links summed from the leaves, along the joints' motion."""
     t = T.t
-    first = t.first_link[g]
-    last = t.first_link[g + 1]
-    for back in range(last - first):
-        link = last - 1 - back
-        for i in range(t.first_dof[link], t.first_dof[link + 1]):
-            T.tau[i] = T.tau[i] - wp.dot(T.S_w[i], T.N[link]) - wp.dot(T.S_v[i], T.F[link])
-        p = t.parent[link]
-        if p >= 0:
-            T.N[p] = T.N[p] + T.N[link]
-            T.F[p] = T.F[p] + T.F[link]
+    levels = t.first_level[g + 1] - t.first_level[g]
+    for back in range(levels):
+        level = t.first_level[g + 1] - 1 - back
+        for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
+            p = t.by_level[slot]
+            for e in range(t.first_child[p], t.first_child[p + 1]):
+                T.N[p] = T.N[p] + T.N[t.child[e]]
+                T.F[p] = T.F[p] + T.F[t.child[e]]
+        tree_barrier()
+    dofs = tree_dofs(g, T)
+    for i in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
+        link = t.dof_link[i]
+        T.tau[i] = T.tau[i] - wp.dot(T.S_w[i], T.N[link]) - wp.dot(T.S_v[i], T.F[link])
+    tree_barrier()

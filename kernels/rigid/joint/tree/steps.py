@@ -1,4 +1,4 @@
-"""Time steps of trees that touch nothing, a thread each.
+"""Time steps of trees that touch nothing, by the lanes of each (lanes.py).
 
     rk4        classical Runge-Kutta of order 4. Balls take it in the tangent space (stages.py)
     ros2       two linearly implicit stages of order 2, L-stable in the drives of joints (Verwer, Spee, Blom, Hundsdorfer 1999):
@@ -34,6 +34,7 @@ from wsim.kernels.rigid.joint.tree.kinematics import (
     move_tree_velocities,
     place_tree,
 )
+from wsim.kernels.rigid.joint.tree.lanes import sum_over_lanes, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.limits import passes_tree_limit, solve_tree_limits
 from wsim.kernels.rigid.joint.tree.mass_matrix import (
     assemble_tree_matrix,
@@ -77,7 +78,7 @@ def tree_step_functions(real):
         place_tree(g, T)
         move_tree_velocities(g, T)
         root = t.first_link[g]
-        for link in range(root, t.first_link[g + 1]):
+        for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
             link_inertial_wrench(link, root, T)
             i = t.body[link]
             r = T.X[link] - T.X[root]
@@ -90,8 +91,9 @@ def tree_step_functions(real):
             T.N[link] = T.N[link] - torque - wp.cross(r, force)
         assemble_tree_matrix(g, T)
         dofs = tree_dofs(g, T)
-        for d in range(dofs[0], dofs[1]):
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.tau[d] = wp.float64(0.0)
+        tree_barrier()
         add_drive_forces(g, k, part, T, J)
         sum_tree_wrenches(g, T)
 
@@ -104,6 +106,7 @@ def tree_step_functions(real):
         factor_tree_matrix(g, T)
         scale_accelerations(g, T, J)
         T.soft_drives[g] = wp.where(drive_stiffness(g, h, T, J) < STIFF, 1, 0)
+        tree_barrier()
 
     @standalone_function
     @wp.func
@@ -119,7 +122,7 @@ def tree_step_functions(real):
             evaluate_tree(g, k, first + at, h, b, T, J)
             factor_tree_matrix(g, T)
             solve_tree_matrix(g, T.tau, T)
-            for d in range(dofs[0], dofs[1]):
+            for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 weight = T.H[T.t.first_entry[d]]
                 if s == 0:
                     all += weight * T.tau[d] * T.tau[d]
@@ -128,6 +131,8 @@ def tree_step_functions(real):
                 elif s == 2:
                     moved += weight * (T.tau[d] - T.mean[d]) * (T.tau[d] - T.mean[d])
             advance_stage(g, s, part * h, T)
+        moved = sum_over_lanes(moved)
+        all = sum_over_lanes(all)
         found = wp.float64(0.0)
         if all > wp.float64(0.0):
             found = wp.float64(4.0) * wp.sqrt(moved / all)
@@ -163,28 +168,31 @@ def tree_step_functions(real):
         copy_tree_matrix(g, T.H, T.W_factors, T)
         add_spring_forces(g, k, -part, T.qd, T, J)
         solve_tree_matrix(g, T.tau, T)
-        for d in range(dofs[0], dofs[1]):
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.gains[d] = T.tau[d]
             T.rates[d] = T.qd[d] + part * T.tau[d]
             T.qd[d] = T.qd_before[d] + h * T.tau[d]
+        tree_barrier()
         move_tree_coordinates(g, h, T.rates, T.q_before, T)
         evaluate_tree(g, k, wp.float64(1.0) - GAMMA, h, b, T, J)
         factor_tree_matrix(g, T)
         solve_tree_matrix(g, T.tau, T)
         tangent_rates(g, h, T.rates, T)
         two = wp.float64(2.0)
-        for d in range(dofs[0], dofs[1]):
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.mean[d] = T.rate[d] - two * T.rates[d]
             T.rate[d] = T.tau[d] - two * T.gains[d]
+        tree_barrier()
         copy_tree_state(g, T.q_before, T.qd_before, T.q, T.qd, T)
         copy_tree_matrix(g, T.H_before, T.H, T)
         multiply_tree_matrix(g, T.rate, T.tau, T)
         add_spring_forces(g, k, -part, T.mean, T, J)
         copy_tree_matrix(g, T.W_factors, T.H, T)
         solve_tree_matrix(g, T.tau, T)
-        for d in range(dofs[0], dofs[1]):
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.qd[d] = T.qd_before[d] + h * (wp.float64(1.5) * T.gains[d] + wp.float64(0.5) * T.tau[d])
             T.rates[d] = wp.float64(1.5) * T.rates[d] + wp.float64(0.5) * (T.mean[d] + part * T.tau[d])
+        tree_barrier()
         move_tree_coordinates(g, h, T.rates, T.q_before, T)
 
     @standalone_function
@@ -198,10 +206,11 @@ def tree_step_functions(real):
             predict_implicitly(g, k, h, b, T, J)
         if passes_tree_limit(g, T, J) == 1:
             dofs = tree_dofs(g, T)
-            for d in range(dofs[0], dofs[1]):
+            for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.gains[d] = T.qd[d] - T.rates[d]
                 T.mean[d] = T.rates[d]
                 T.qd[d] = T.rates[d]
+            tree_barrier()
             copy_tree_state(g, T.q_before, T.qd, T.q, T.qd, T)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
@@ -209,8 +218,9 @@ def tree_step_functions(real):
             factor_tree_matrix(g, T)
             T.left[g] = wp.max(T.left[g], solve_tree_limits(g, h, T, J))
             move_tree_coordinates(g, h, T.qd, T.q_before, T)
-            for d in range(dofs[0], dofs[1]):
+            for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.qd[d] + T.gains[d]
+            tree_barrier()
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             factor_tree_matrix(g, T)
@@ -223,7 +233,7 @@ def tree_step_functions(real):
         t = T.t
         move_tree_velocities(g, T)
         root = t.first_link[g]
-        for link in range(root, t.first_link[g + 1]):
+        for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
             i = t.body[link]
             x = T.X[link] - t.start[link]
             out.x[i] = rounded_like(x, out.x[i])
@@ -232,6 +242,7 @@ def tree_step_functions(real):
             out.o[i] = rounded_quaternion(T.Q[link] - double_quat(out.q[i], wp.quatd()), out.q[i])
             out.p[i] = rounded_like(t.mass[link] * (T.V[link] + wp.cross(T.W[link], T.X[link] - T.X[root])), out.p[i])
             out.L[i] = rounded_like(link_inertia_world(link, T) * T.W[link], out.L[i])
+        tree_barrier()
 
     return SimpleNamespace(evaluate=evaluate_tree, begin=begin_tree, step=step_tree, write=write_tree, stages=predict_by_stages,
                            implicit=predict_implicitly)

@@ -51,6 +51,15 @@ def tree_structs():
         row: wp.array(dtype=int)                     # of dofs: row of the joint in JointTable; of a ball 3, 4, 5
         armature: wp.array(dtype=wp.float64)         # of dofs: inertia of a rotor [kg], [kg m^2]
         friction: wp.array(dtype=wp.float64)         # of dofs: dry friction [N], [N m]
+        first_level: wp.array(dtype=int)             # of trees, and one more: levels, by distance from the root
+        level_start: wp.array(dtype=int)             # of levels, and one more: place in `by_level`
+        by_level: wp.array(dtype=int)                # links
+        first_child: wp.array(dtype=int)             # of links, and one more: place in `child`
+        child: wp.array(dtype=int)                   # links, the last first
+        last_dof: wp.array(dtype=int)                # of links: the last dof that moves it, or -1
+        dof_link: wp.array(dtype=int)                # of dofs
+        dof_end: wp.array(dtype=int)                 # of dofs: those behind it are the ones between, this one left out
+        entry_dof: wp.array(dtype=int)               # of entries of H: the dof of their column
 
     @wp.struct
     class Trees:
@@ -82,7 +91,8 @@ def tree_structs():
         rates: wp.array(dtype=wp.float64)
         mean: wp.array(dtype=wp.float64)
         gains: wp.array(dtype=wp.float64)            # weighted sum of accelerations
-        column: wp.array(dtype=wp.float64)           # of rows of dofs: H^-1 J^T, (dofs of the tree) each
+        u: wp.array(dtype=wp.float64)                # of dofs: velocities of sweeps (responses.py)
+        column: wp.array(dtype=wp.float64)           # of rows of dofs: Z (responses.py), (dofs on the way to the root) each
         first_column: wp.array(dtype=int)            # of dofs
         mass: wp.array(dtype=wp.float64)             # of dofs: what a drive of an acceleration moves, 1 of others
         push: wp.array(dtype=wp.float64)             # of dofs: impulse of their limits in a step, and of their dry friction
@@ -94,8 +104,8 @@ def tree_structs():
         tree_of: wp.array(dtype=int)                 # of links
         met: wp.array(dtype=int)                     # of links: 1: a contact has its responses
         first_answer: wp.array(dtype=int)            # of links: place of its responses
-        answer: wp.array(dtype=wp.float64)           # H^-1 J^T of links, (dofs of the tree, 6) each
-        swing: wp.array(dtype=mat66d)                # J H^-1 J^T of links: spatial velocity by a wrench at O
+        answer: wp.array(dtype=wp.float64)           # of links: Z (responses.py), (dofs on the way to the root, 6) each
+        swing: wp.array(dtype=mat66d)                # of links: Z^T Z, spatial velocity by a wrench at O
         left: wp.array(dtype=wp.float64)             # of trees: what the last sweep over limits changed, at most in a frame
         soft_drives: wp.array(dtype=int)                # of trees: 1: Runge-Kutta steps are stable with their drives
 

@@ -1,12 +1,16 @@
-"""Substeps of trees that touch something, a thread for each world.
+"""Substeps of trees that touch something. A world has so many teams: one, or, where it has many trees and is the only one, the
+warps of a block or of a cluster of blocks, which meet between the parts of a substep. A team is the lanes of a tree (lanes.py).
 
     predict    coordinates and velocities a step on without contacts and limits, by rk4 or implicitly (steps.py)
     solve      sweeps over contacts and limits, from the mean rate of the prediction: what they change is added to it
     place      q' = q moved by the mean rate and that change
     relax      a sweep without bias, with the velocities at the end and all responses at q'
 
-A tree that nothing touches so moves as if it were alone. Bodies without joints are trees of one link.
+A tree that nothing touches so moves as if it were alone. Bodies without joints are trees of one link. One team takes manifolds
+as they are listed, several by their colours: no two of a colour have a tree in common.
 """
+
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -16,22 +20,32 @@ from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tree.contacts import link_contact_functions
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia, note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
+from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.limits import reset_limit_impulses, start_tree_limits, sweep_tree_limits
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
+from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps, solve_link_responses
 from wsim.kernels.rigid.joint.tree.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
 from wsim.kernels.rigid.joint.tree.tables import Trees
+from wsim.kernels.rigid.kinds import SERIAL
 from wsim.kernels.rigid.lists.pairs import body_straying_func
 from wsim.kernels.rigid.soft_step import body_steps
 
 
-def touching_tree_kernel(real, module):
-    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], over worlds, with steps[2] sweeps. Manifolds are those of
-    steps[0]. P: scratch of the prediction."""
-    Rig, contact, f, count = rig_type(real), link_contact_functions(real), tree_step_functions(real), manifold_count_func(real)
-    meet, prepare, warm, solve = contact.meet, contact.prepare, contact.warm, contact.solve
-    begin, stages, implicit, write = f.begin, f.stages, f.implicit, f.write
-    (orient, turn, _, _), stray = body_steps(real), body_straying_func(real)
+@wp.struct
+class WorldTeam:
+    """A team of a world: its number of so many, and the trees and manifolds of the world, first and last."""
+    number: int
+    of: int
+    tree: int
+    last_tree: int
+    manifold: int
+    last_manifold: int
+
+
+def world_team_func(real):
+    """Function (warp, teams, rig, T): the team of a warp."""
+    Rig, count = rig_type(real), manifold_count_func(real)
 
     @standalone_function
     @wp.func
@@ -47,6 +61,27 @@ def touching_tree_kernel(real, module):
                 high = middle
         return low
 
+    @wp.func
+    def world_team(warp: int, teams: int, rig: Rig, T: Trees):
+        w = warp // teams
+        found = WorldTeam()
+        found.number = warp % teams
+        found.of = teams
+        found.tree = T.first_tree[w]
+        found.last_tree = T.first_tree[w + 1]
+        found.manifold = first_manifold_of_world(w, rig)
+        found.last_manifold = first_manifold_of_world(w + 1, rig)
+        return found
+
+    return world_team
+
+
+def tree_part_functions(real, meet):
+    """Parts of a substep of one tree, or of all of a team."""
+    Rig, f, contact = rig_type(real), tree_step_functions(real), link_contact_functions(real)
+    stages, implicit, mark, prepare = f.stages, f.implicit, contact.mark, contact.prepare
+    (orient, _, _, _), stray = body_steps(real), body_straying_func(real)
+
     @standalone_function
     @wp.func
     def ready_tree(g: int, k: int, h: real, rig: Rig, J: Linked, T: Trees):
@@ -57,19 +92,26 @@ def touching_tree_kernel(real, module):
             add_drive_inertia(g, k, wp.float64(h), T, J)
         factor_tree_matrix(g, T)
         start_tree_limits(g, wp.float64(h), T, J)
-        for link in range(T.t.first_link[g], T.t.first_link[g + 1]):
+        for link in range(T.t.first_link[g] + tree_lane(), T.t.first_link[g + 1], tree_lanes()):
             T.met[link] = 0
+        tree_barrier()
 
     @standalone_function
     @wp.func
-    def ready_contacts(w: int, k: int, rig: Rig, T: Trees):
+    def ready_contacts(team: WorldTeam, k: int, rig: Rig, T: Trees):
         """Responses, arms, gaps of a world's manifolds where substep k begins."""
-        first = first_manifold_of_world(w, rig)
-        last = first_manifold_of_world(w + 1, rig)
-        for m in range(first, last):
-            meet(m, rig, T)
-        for m in range(first, last):
+        first = team.manifold + team.number * tree_lanes() + tree_lane()
+        for m in range(first, team.last_manifold, team.of * tree_lanes()):
+            mark(m, rig, T)
+        meet()
+        for g in range(team.tree + team.number, team.last_tree, team.of):
+            for link in range(T.t.first_link[g], T.t.first_link[g + 1]):
+                if T.met[link] == 1:
+                    solve_link_responses(link, T)
+        meet()
+        for m in range(team.manifold + team.number, team.last_manifold, team.of):
             prepare(m, k, rig, T)
+        meet()
 
     @standalone_function
     @wp.func
@@ -81,64 +123,126 @@ def touching_tree_kernel(real, module):
             implicit(g, k, h, rig.b, P, J)
         reset_limit_impulses(g, T)
         dofs = tree_dofs(g, T)
-        for d in range(dofs[0], dofs[1]):
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.qd[d] = P.rates[d]
+        tree_barrier()
+        open_tree_sweeps(g, T)
 
     @standalone_function
     @wp.func
     def move_tree(g: int, h: wp.float64, T: Trees, P: Trees):
+        close_tree_sweeps(g, T)
         copy_tree_state(g, T.q, T.qd, T.q_before, T.qd_before, T)
         move_tree_coordinates(g, h, T.qd, T.q_before, T)
         dofs = tree_dofs(g, T)
-        for d in range(dofs[0], dofs[1]):
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.qd[d] = P.qd[d] + (T.qd[d] - P.rates[d])
+        tree_barrier()
 
     @standalone_function
     @wp.func
-    def sweep_world(w: int, k: int, h: real, biased: int, rig: Rig, J: Linked, T: Trees):
-        """One sweep over a world."""
-        for m in range(first_manifold_of_world(w, rig), first_manifold_of_world(w + 1, rig)):
+    def place_bodies(team: WorldTeam, k: int, h: real, rig: Rig, T: Trees):
+        for g in range(team.tree + team.number, team.last_tree, team.of):
+            for link in range(T.t.first_link[g] + tree_lane(), T.t.first_link[g + 1], tree_lanes()):
+                i = T.t.body[link]
+                orient(i, rig)
+                stray(i, h, rig)
+        meet()
+
+    return SimpleNamespace(ready=ready_tree, contacts=ready_contacts, predict=predict_tree, move=move_tree, place=place_bodies)
+
+
+def tree_sweep_functions(real, meet, coloured: bool):
+    """(warm, sweep): functions of a team; coloured: manifolds by their colours."""
+    Rig, contact = rig_type(real), link_contact_functions(real)
+    warm, solve = contact.warm, contact.solve
+
+    @wp.func
+    def act_on_manifold(m: int, first: int, k: int, h: real, biased: int, rig: Rig, T: Trees):
+        if first == 1:
+            warm(m, k, h, rig, T)
+        else:
             solve(m, k, h, biased, rig, T)
-        for g in range(T.first_tree[w], T.first_tree[w + 1]):
-            sweep_tree_limits(g, wp.float64(biased) * wp.float64(h), T, J)
 
     @standalone_function
     @wp.func
-    def place_world_bodies(w: int, k: int, h: real, rig: Rig, T: Trees):
-        for link in range(T.t.first_link[T.first_tree[w]], T.t.first_link[T.first_tree[w + 1]]):
-            i = T.t.body[link]
-            orient(i, rig)
-            stray(i, h, rig)
+    def walk_manifolds(team: WorldTeam, first: int, k: int, h: real, biased: int, rig: Rig, T: Trees):
+        """first: 1: gives them the impulses of the substep before, 0: solves them."""
+        if wp.static(coloured):
+            for colour in range(rig.work.colours[0]):
+                end = rig.work.starts[colour + 1]
+                slot = rig.work.starts[colour] + team.number
+                stride = team.of
+                if colour >= SERIAL:
+                    stride = 1
+                    if team.number > 0:
+                        slot = end
+                while slot < end:
+                    act_on_manifold(rig.work.order[slot], first, k, h, biased, rig, T)
+                    slot += stride
+                meet()
+        else:
+            for m in range(team.manifold, team.last_manifold):
+                act_on_manifold(m, first, k, h, biased, rig, T)
 
-    def rigid_touching_trees(steps: wp.vec3i, h: real, rig: Rig, J: Linked, T: Trees, P: Trees):
-        w = wp.tid()
+    @wp.func
+    def sweep_world(team: WorldTeam, k: int, h: real, biased: int, rig: Rig, J: Linked, T: Trees):
+        """One sweep over a world."""
+        walk_manifolds(team, 0, k, h, biased, rig, T)
+        for g in range(team.tree + team.number, team.last_tree, team.of):
+            sweep_tree_limits(g, wp.float64(biased) * wp.float64(h), T, J)
+        meet()
+
+    return walk_manifolds, sweep_world
+
+
+def touching_tree_kernel(real, module, meet, coloured: bool, threads: int = 0, cluster: int = 0):
+    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], over so many teams of worlds, with steps[2] sweeps.
+    Manifolds are those of steps[0]. P: scratch of the prediction. meet: the barrier of a world's teams; threads, cluster: of a
+    block, and blocks of a cluster, on CUDA."""
+    Rig, f, world_team = rig_type(real), tree_step_functions(real), world_team_func(real)
+    parts = tree_part_functions(real, meet)
+    begin, write, ready, contacts, predict, move, place = (f.begin, f.write, parts.ready, parts.contacts, parts.predict,
+                                                           parts.move, parts.place)
+    walk, sweep = tree_sweep_functions(real, meet, coloured)
+    turn = body_steps(real)[1]
+
+    @standalone_function
+    @wp.func
+    def begin_world(team: WorldTeam, k: int, h: real, rig: Rig, J: Linked, T: Trees):
+        if k == 0:
+            for g in range(team.tree + team.number, team.last_tree, team.of):
+                begin(g, wp.float64(h), rig.b, T, J)
+                ready(g, 0, h, rig, J, T)                # else as the launch before has left it
+        for i in range(rig.b.w.shape[0] + tree_lane(), rig.work.turn.shape[0], tree_lanes()):
+            turn(i, k, rig)
+        place(team, k, h, rig, T)
+
+    def rigid_touching_trees(steps: wp.vec3i, h: real, teams: int, rig: Rig, J: Linked, T: Trees, P: Trees):
+        team = world_team(wp.tid() // tree_lanes(), teams, rig, T)
         d = wp.float64(h)
-        one = T.first_tree[w]
-        last = T.first_tree[w + 1]
-        if steps[0] == 0:
-            for g in range(one, last):
-                begin(g, d, rig.b, T, J)
-                ready_tree(g, 0, h, rig, J, T)           # else as the launch before has left it
-        for i in range(rig.b.w.shape[0], rig.work.turn.shape[0]):
-            turn(i, steps[0], rig)
-        place_world_bodies(w, steps[0], h, rig, T)
+        begin_world(team, steps[0], h, rig, J, T)
         for k in range(steps[0], steps[1]):
-            ready_contacts(w, k, rig, T)
-            for g in range(one, last):
-                predict_tree(g, k, d, rig, J, T, P)
-            for m in range(first_manifold_of_world(w, rig), first_manifold_of_world(w + 1, rig)):
-                warm(m, k, h, rig, T)
+            contacts(team, k, rig, T)
+            for g in range(team.tree + team.number, team.last_tree, team.of):
+                predict(g, k, d, rig, J, T, P)
+            meet()
+            walk(team, 1, k, h, 1, rig, T)
             for _sweep in range(steps[2]):
-                sweep_world(w, k, h, 1, rig, J, T)
-            for g in range(one, last):
-                move_tree(g, d, T, P)
-                ready_tree(g, k + 1, h, rig, J, T)
+                sweep(team, k, h, 1, rig, J, T)
+            for g in range(team.tree + team.number, team.last_tree, team.of):
+                move(g, d, T, P)
+                ready(g, k + 1, h, rig, J, T)
                 write(g, T, rig.now)
-            place_world_bodies(w, k + 1, h, rig, T)
-            ready_contacts(w, k + 1, rig, T)
-            sweep_world(w, k, h, 0, rig, J, T)
-            for g in range(one, last):
+                open_tree_sweeps(g, T)
+            place(team, k + 1, h, rig, T)
+            contacts(team, k + 1, rig, T)
+            sweep(team, k, h, 0, rig, J, T)
+            for g in range(team.tree + team.number, team.last_tree, team.of):
+                close_tree_sweeps(g, T)
                 note_drive_work(g, k, d, T, J)
                 write(g, T, rig.now)
 
-    return wp.kernel(rigid_touching_trees, name="rigid_touching_trees", module=module, enable_backward=False, grid_stride=False)
+    more = ({"launch_bounds": threads} if threads else {}) | ({"cluster_dim": cluster} if cluster else {})
+    return wp.kernel(rigid_touching_trees, name="rigid_touching_trees", module=module, enable_backward=False, grid_stride=False,
+                     **more)

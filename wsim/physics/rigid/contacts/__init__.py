@@ -120,7 +120,7 @@ class RigidContactTables:
 
     def _make_lists(self, room: int) -> None:
         """Arrays for so many pairs, and those of bodies and shapes."""
-        t, real, n = types(self.real), self.real, self.frames
+        t, real, n, joints = types(self.real), self.real, self.frames, self.method.joints
 
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=self.device)
@@ -140,6 +140,7 @@ class RigidContactTables:
                                 **{name: zeros(room, int) for name in ("renewed", "order")},
                                 **{name: zeros(SERIAL + 2, int) for name in ("starts", "place")},
                                 A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
+                                node=self.model.upload((joints.colour_nodes if joints else np.int32)(np.arange(n)), int),
                                 colours=zeros(1, int), flags=zeros(2, int), residual=zeros(2, real),
                                 g=float(np.linalg.norm(self.model.scene.gravity)) or WEIGHT)
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():

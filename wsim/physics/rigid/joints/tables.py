@@ -174,6 +174,10 @@ class DeviceJoints:
     def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
         """Goes on from fields of the first body."""
 
+    def colour_nodes(self, rows: np.ndarray) -> np.ndarray:
+        """Of rows of bodies those whose colours their contacts share."""
+        return rows.astype(np.int32)
+
     def contact_form(self) -> Any:
         """The `ContactPassForm` that these joints need, None: any."""
         return None

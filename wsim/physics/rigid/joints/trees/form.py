@@ -1,32 +1,56 @@
-"""How substeps of touching trees are launched: a thread for each world (kernels/rigid/joint/tree/touching.py)."""
+"""How substeps of touching trees are launched (kernels/rigid/joint/tree/touching.py).
+
+A world has one team of threads, which takes manifolds as they are listed. On a GPU that is a warp; where there is one world
+with more trees, its teams are the warps of a block, or of a cluster of blocks, and they take manifolds by their colours.
+"""
 
 import warp as wp
 
+from wsim.kernels.math import block
+from wsim.kernels.rigid.joint.tree.lanes import LANES, tree_barrier
 from wsim.kernels.rigid.joint.tree.touching import touching_tree_kernel
-from wsim.physics.rigid.forms import ContactPassForm
+from wsim.physics.rigid import forms
 
 
-class TreeContactForm(ContactPassForm):
+class TreeContactForm(forms.ContactPassForm):
     """The form of the contacts of `wsim.physics.rigid.joints.trees.tables.DeviceTrees`."""
 
     def __init__(self, trees):
-        super().__init__("listed")
+        device, found = trees.model.device, forms.ContactPassForm("listed")
+        per_world = len(trees.links.first_link) - 1
+        if device.is_cuda and trees.model.worlds == 1 and per_world > 1:
+            few = per_world <= forms.THREADS // LANES
+            found = forms.form_by_name("block" if few else "cluster", device)
+        super().__init__(found.name, found.blocks)
         self.trees = trees
+        self.team = LANES if device.is_cuda else 1
 
     @property
     def what(self) -> str:
-        return "reduced coordinates, a thread for each world"
+        teams = f"{self.threads // self.team} teams for a world" if self.coloured else "a team for each world"
+        return f"reduced coordinates, {teams}, of {self.team} threads each"
 
     def make(self, model, bouncing: bool, linked: int = 0) -> None:
         self.model, self.islands = model, linked
-        module = model.shared_module("rigid_touching_trees")
-        self.kernels["trees"] = touching_tree_kernel(model.real, module)
+        self.wide = self.coloured
+        self.threads = forms.THREADS * self.blocks if self.wide else self.team
+        meet = tree_barrier if not self.wide else block.cluster_barrier if self.blocks > 1 else block.block_barrier
+        sizes = {"threads": forms.THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+        if self.wide:
+            from wsim.kernels.rigid.graph.colours import contact_colour_kernel
+            own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS)
+            self.kernels["colours"] = contact_colour_kernel(model.real, own, meet, **sizes)
+        module = model.shared_module("rigid_touching_trees", self.blocks, self.wide, threads=min(forms.THREADS, self.threads))
+        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.wide, **sizes)
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         rig.work.strayed.zero_()
-        trees = self.trees
-        self.model.launch(self.kernels["trees"], self.model.worlds,
-                          [wp.vec3i(*steps), h, rig, trees.linked, trees.trees, trees.scratch], [])
+        trees, model = self.trees, self.model
+        given = [wp.vec3i(*steps), h, self.threads // self.team, rig, trees.linked, trees.trees, trees.scratch]
+        if self.team > 1:
+            model.launch_blocks(self.kernels["trees"], model.worlds * self.blocks, self.threads // self.blocks, given, [])
+        else:
+            model.launch(self.kernels["trees"], model.worlds, given, [])
 
     def launches(self, steps: int, sweeps: int) -> int:
-        return 2 * steps
+        return (2 + self.coloured) * steps

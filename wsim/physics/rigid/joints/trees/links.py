@@ -67,22 +67,35 @@ class TreeLinks:
     first_entry: list[int] = field(default_factory=lambda: [0])
     first_column: list[int] = field(default_factory=list)
     columns: int = 0
+    first_level: list[int] = field(default_factory=lambda: [0])
+    level_start: list[int] = field(default_factory=lambda: [0])
+    by_level: list[int] = field(default_factory=list)
+    first_child: list[int] = field(default_factory=lambda: [0])
+    child: list[int] = field(default_factory=list)
+    last_dof: list[int] = field(default_factory=list)
+    dof_link: list[int] = field(default_factory=list)
+    dof_end: list[int] = field(default_factory=list)
+    entry_dof: list[int] = field(default_factory=list)
 
     def add_link(self, body: int, parent: int, joint: int, given: Joint | None, swapped: bool) -> None:
         """One more link, whose joint is `given`; None: it is free."""
         slides, hinges, ball = joint_freedom(given) if given else (list(SHIFTS), [], True)
         names = [*slides, *hinges, *(AXES[3:] if ball else ())]
-        before = parent
-        while before >= 0 and self.first_dof[before] == self.first_dof[before + 1]:
-            before = self.parent[before]
-        last = self.first_dof[before + 1] - 1 if before >= 0 else -1
+        last = self.last_dof[parent] if parent >= 0 else -1
         depth = 0 if last < 0 else self.first_entry[last + 1] - self.first_entry[last]
         for k, name in enumerate(names):
             axis = np.eye(3)[AXES.index(name) % 3]
             self.axis.append(-axis if swapped and not ball else axis)
             self.row.append(AXES.index(name))
-            self.dof_parent.append(last if k == 0 else len(self.dof_parent) - 1)
-            self.first_entry.append(self.first_entry[-1] + depth + k + 1)
+            before = last if k == 0 else len(self.dof_parent) - 1
+            self.dof_parent.append(before)
+            row = self.entry_dof[self.first_entry[before]:self.first_entry[before + 1]] if before >= 0 else []
+            self.entry_dof += [len(self.dof_link), *row]
+            self.first_entry.append(len(self.entry_dof))
+            self.dof_link.append(len(self.body))
+            self.first_column.append(self.columns)
+            self.columns += depth + len(names)
+        self.last_dof.append(len(self.dof_link) - 1 if names else last)
         for column, value in (("body", body), ("parent", parent), ("joint", joint), ("swapped", swapped),
                               ("slides", len(slides)), ("ball", int(ball))):
             getattr(self, column).append(value)
@@ -90,11 +103,27 @@ class TreeLinks:
         self.first_coordinate.append(self.first_coordinate[-1] + len(names) + ball)
 
     def end_tree(self) -> None:
-        first = self.first_dof[self.first_link[-1]]
-        self.first_link.append(len(self.body))
-        n = self.first_dof[-1] - first
-        self.first_column += [self.columns + n * k for k in range(n)]
-        self.columns += n * n
+        """All links of a tree are there: their levels, children and dofs behind each."""
+        first, n = self.first_link[-1], len(self.body)
+        self.first_link.append(n)
+        depth: dict[int, int] = {}
+        children: dict[int, list[int]] = {}
+        for link in range(first, n):
+            depth[link] = depth.get(self.parent[link], -1) + 1
+            children.setdefault(self.parent[link], []).append(link)
+        for link in range(first, n):
+            self.child += children.get(link, [])[::-1]
+            self.first_child.append(len(self.child))
+        for level in range(max(depth.values(), default=-1) + 1):
+            self.by_level += [link for link in range(first, n) if depth[link] == level]
+            self.level_start.append(len(self.by_level))
+        self.first_level.append(len(self.level_start) - 1)
+        own = range(len(self.dof_end), len(self.dof_link))
+        ends = {d: d + 1 for d in own}
+        for d in own[::-1]:
+            if self.dof_parent[d] >= 0:
+                ends[self.dof_parent[d]] = max(ends[self.dof_parent[d]], ends[d])
+        self.dof_end += [ends[d] for d in own]
 
 
 def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, first_body: np.ndarray,

@@ -7,6 +7,7 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid.joint.tree.alone import tree_velocity_kernel
+from wsim.kernels.rigid.joint.tree.lanes import LANES
 from wsim.kernels.rigid.joint.tree.tables import mat66d, tree_structs
 from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
@@ -18,7 +19,10 @@ from wsim.physics.rigid.joints.trees.links import tree_links
 COORDINATES = (StateField("joint_q", "", True, "joint coordinates [m], [rad]; of balls quaternions (x, y, z, w)", "double"),)
 SPEEDS = (StateField("joint_qd", "", True, "generalised velocities [m/s], [rad/s]", "double"),)
 OFFSETS = {"first_link": "links", "body": "bodies", "parent": "links", "joint": "joints", "first_dof": "dofs",
-           "first_coordinate": "coordinates", "dof_parent": "dofs", "first_entry": "entries", "first_column": "columns"}
+           "first_coordinate": "coordinates", "dof_parent": "dofs", "first_entry": "entries", "first_column": "columns",
+           "first_level": "levels", "level_start": "links", "by_level": "links", "first_child": "children", "child": "links",
+           "last_dof": "dofs", "dof_link": "links", "dof_end": "dofs", "entry_dof": "dofs"}
+ENDED = "first_link", "first_dof", "first_coordinate", "first_entry", "first_level", "level_start", "first_child"
 
 
 class DeviceTrees(DeviceJoints):
@@ -40,7 +44,7 @@ class DeviceTrees(DeviceJoints):
         self._make_tree_tables()
         self.q.assign(np.tile(self._start_coordinates(), self.model.worlds))
         self.lost = False                                     # coordinates are older than the poses of the bodies
-        self.project = tree_velocity_kernel(b.model.real, b.model.shared_module("tree_velocities"))
+        self.project = tree_velocity_kernel(b.model.real, self._tree_module("tree_velocities"))
         self.stale = True                                     # generalised velocities are older than momenta of the bodies
 
     def _make_tree_parts(self, b) -> None:
@@ -60,17 +64,18 @@ class DeviceTrees(DeviceJoints):
         Table, Trees = tree_structs()
         sizes = {"links": len(links.body), "bodies": len(self.method.bodies) // worlds, "joints": len(self.joints),
                  "dofs": links.first_dof[-1], "coordinates": links.first_coordinate[-1], "entries": links.first_entry[-1],
-                 "columns": links.columns}
+                 "columns": links.columns, "levels": links.first_level[-1], "children": len(links.child)}
 
         def of_worlds(name: str):
             own = np.array(getattr(links, name), np.int64).reshape(-1)
             if name not in OFFSETS:
                 return np.tile(own, worlds)
-            first, size = name.startswith("first") and name != "first_column", sizes[OFFSETS[name]]
+            first, size = name in ENDED, sizes[OFFSETS[name]]
             rows = [np.where(own < 0, -1, own + size * w)[:len(own) - first] for w in range(worlds)]
             return np.concatenate(rows + [own[-1:] + size * (worlds - 1)] * first)
         whole = ("first_link", "body", "parent", "joint", "slides", "ball", "first_dof", "first_coordinate", "row",
-                 "dof_parent", "first_entry")
+                 "dof_parent", "first_entry", "first_level", "level_start", "by_level", "first_child", "child", "last_dof",
+                 "dof_link", "dof_end", "entry_dof")
         arrays = {name: up(of_worlds(name), int) for name in whole}
         frames = self._link_frames()
         masses = [self.method.masses[row] for row in links.body]
@@ -105,7 +110,8 @@ class DeviceTrees(DeviceJoints):
         if not self.touching:
             return {}
         tree = np.searchsorted(links.first_link, np.arange(n), side="right") - 1
-        sizes = np.diff(np.array(links.first_dof)[links.first_link])[tree]         # dofs of each link's tree
+        last, entry = np.array(links.last_dof, int), np.array(links.first_entry)
+        sizes = np.where(last < 0, 0, entry[last + 1] - entry[last])               # dofs on the way from each link to the root
         answers = 6 * np.concatenate([[0], np.cumsum(sizes)])
         link_of = np.argsort(links.body)
         rows = np.arange(worlds)[:, None]
@@ -113,14 +119,14 @@ class DeviceTrees(DeviceJoints):
                  "first_answer": answers[:-1] + answers[-1] * rows}
         return {**{name: up(values.ravel(), int) for name, values in found.items()},
                 "met": wp.zeros(n * worlds, dtype=int, device=self.device),
-                "answer": wp.zeros(int(answers[-1]) * worlds, dtype=wp.float64, device=self.device),
+                "answer": wp.zeros(max(1, int(answers[-1])) * worlds, dtype=wp.float64, device=self.device),
                 "swing": wp.zeros(n * worlds, dtype=mat66d, device=self.device)}
 
     def _tree_work(self, sizes: dict[str, int], worlds: int) -> dict[str, Any]:
         def zeros(size, dtype=wp.float64):
             return wp.zeros(max(1, sizes[size] * worlds), dtype=dtype, device=self.device)
         of_dofs = ("tau", "qd_start", "qd_before", "rate", "rates", "mean", "gains", "mass", "push", "rub", "rub_most",
-                   "response")
+                   "response", "u")
         vectors = dict.fromkeys(("X", "W", "V", "A_w", "A_v", "N", "F", "mc"), "links") | {"S_w": "dofs", "S_v": "dofs"}
         numbers = dict.fromkeys(of_dofs, "dofs") | dict.fromkeys(("H", "H_before", "W_factors"), "entries")
         numbers |= {"m": "links", "q_before": "coordinates", "q_start": "coordinates", "column": "columns"}
@@ -168,11 +174,21 @@ class DeviceTrees(DeviceJoints):
         places = self._link_starts() + (0.0 if shift is None else shift[rows])
         return start_coordinates(self.links, self._link_frames(), places, self.method.turns()[rows].reshape(-1, 4), self.joints)
 
+    def _tree_module(self, name: str) -> str:
+        return self.model.shared_module(name, threads=LANES if self.device.is_cuda else 0)
+
+    def launch_trees(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches the lanes of every tree: a warp each on a GPU, a thread on a CPU."""
+        if self.device.is_cuda:
+            self.model.launch_blocks(kernel, self.islands, LANES, inputs, outputs)
+        else:
+            self.model.launch(kernel, self.islands, inputs, outputs)
+
     def alone(self):
         """Kernel of trees whose bodies touch nothing."""
         from wsim.kernels.rigid.joint.tree.alone import tree_substep_kernel
         self.settle = self.method.sleep.alone() if self.method.sleep else None
-        module = self.model.shared_module("rigid_trees")
+        module = self._tree_module("rigid_trees")
         return tree_substep_kernel(self.model.real, module)
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -181,12 +197,19 @@ class DeviceTrees(DeviceJoints):
             moved = self.method.get("x") + self.method.get("e")
             self.q.assign(np.concatenate([self._start_coordinates(w, moved) for w in range(self.model.worlds)]))
         if self.stale:
-            self.model.launch(self.project, self.islands, [self.method.moving()], [self.trees])
+            self.launch_trees(self.project, [self.method.moving()], [self.trees])
             self.stale = self.lost = False
 
     def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
         """Goes on from fields of the first body, which may be those of maximal coordinates."""
         self.lost, self.stale = "joint_q" not in fields, "joint_qd" not in fields
+
+    def colour_nodes(self, rows: np.ndarray) -> np.ndarray:
+        """The root of each body's tree."""
+        per, found = len(self.method.bodies) // self.model.worlds, rows.astype(np.int32)
+        for world in range(self.model.worlds):
+            found[np.array(self.links.body, int) + per * world] = np.array(self.links.body)[self._root_of()] + per * world
+        return found
 
     def contact_form(self) -> Any:
         from wsim.physics.rigid.joints.trees.form import TreeContactForm
@@ -209,15 +232,14 @@ class DeviceTrees(DeviceJoints):
     def advance(self, kernel, clock: Clock, bodies, now) -> None:
         """All substeps of a frame."""
         asleep = self.settle(clock.dt, bodies, self, now) if self.settle else None
-        self.model.launch(kernel, self.islands, [wp.vec2i(0, clock.substeps), clock.h, bodies, self.linked, self.trees, asleep],
-                          [now])
+        self.launch_trees(kernel, [wp.vec2i(0, clock.substeps), clock.h, bodies, self.linked, self.trees, asleep], [now])
 
     def accelerations(self, h: float = 1e-9) -> np.ndarray:
         """Accelerations qdd (dofs of all worlds,) [m/s^2], [rad/s^2] at the coordinates and velocities now, without limits and
         dry friction."""
         from wsim.kernels.rigid.joint.tree.alone import tree_acceleration_kernel
-        kernel = tree_acceleration_kernel(self.model.real, self.model.shared_module("tree_accelerations"))
-        self.model.launch(kernel, self.islands, [h, self.method.table, self.linked], [self.trees])
+        kernel = tree_acceleration_kernel(self.model.real, self._tree_module("tree_accelerations"))
+        self.launch_trees(kernel, [h, self.method.table, self.linked], [self.trees])
         return self.trees.tau.numpy()[:len(self.qd)]
 
     def error(self) -> tuple[float, float]:

@@ -1,0 +1,118 @@
+"""Lanes of a tree: on a GPU a warp of 32 threads works on one tree, on a CPU one thread does.
+
+A loop over links, dofs or entries runs from `first + tree_lane()` in strides of `tree_lanes()`; a loop over a matrix has rows
+and columns of lanes. A function that writes arrays ends with `tree_barrier`, so that its caller may read them. All lanes go the
+same way through what is not such a loop.
+"""
+
+import warp as wp
+
+LANES = 32               # of a tree on a GPU; lanes of rows and columns: 8 and 4
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return threadIdx.x & 31;
+#else
+    return 0;
+#endif
+""")
+def tree_lane() -> int:
+    """Number of this lane."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return 32;
+#else
+    return 1;
+#endif
+""")
+def tree_lanes() -> int:
+    """How many lanes a tree has."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return (threadIdx.x & 31) >> 2;
+#else
+    return 0;
+#endif
+""")
+def row_lane() -> int: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return 8;
+#else
+    return 1;
+#endif
+""")
+def row_lanes() -> int: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return threadIdx.x & 3;
+#else
+    return 0;
+#endif
+""")
+def column_lane() -> int: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return 4;
+#else
+    return 1;
+#endif
+""")
+def column_lanes() -> int: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+""")
+def tree_barrier():
+    """Lanes of a tree wait for each other; what each wrote is seen by all."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    for (int o = 16; o > 0; o /= 2) x += __shfl_xor_sync(0xffffffffu, x, o);
+#endif
+    return x;
+""")
+def sum_over_lanes(x: wp.float64) -> wp.float64:
+    """Sum of x over the lanes, in one order; every lane gets it."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    for (int o = 16; o > 0; o /= 2) x = fmax(x, __shfl_xor_sync(0xffffffffu, x, o));
+#endif
+    return x;
+""")
+def greatest_of_lanes(x: wp.float64) -> wp.float64:
+    """Greatest x of the lanes; every lane gets it."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __any_sync(0xffffffffu, flag);
+#else
+    return flag;
+#endif
+""")
+def any_lane(flag: int) -> int:
+    """1 in all lanes if it is not 0 in one."""
+    ...
