@@ -5,7 +5,8 @@ from math import ceil
 
 import numpy as np
 
-from wsim.scene import Scene
+from wsim.scene import Scene, Surface
+from wsim.scene.solids import shape_row
 
 
 def count_rigid(scene: Scene, n: int, chained: bool) -> dict[str, float]:
@@ -62,8 +63,8 @@ def count_strands(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
 
 
 def count_material_points(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
-    """Steps of material points and of their particles, explicit or implicit: as many as the materials at rest need, and as the
-    velocities at the start. What is crushed gets stiffer, and takes more."""
+    """Steps of material points and of their particles, explicit or implicit: as many as the materials need, at rest or as stiff as
+    an impact makes them, and as they are fast. More where something else crushes or flings them."""
     things = scene.things("MaterialPoints")
     if not things:
         return {}
@@ -75,5 +76,31 @@ def count_material_points(scene: Scene, n: int, cuda: bool) -> dict[str, float]:
         crossed = 2.0 if things[0].material.law == "sand" else 1.0            # cells in a step, at most
         steps = max(1, ceil(speed / (crossed * cell * scene.fps)))
         return {"long": steps, "solved_particle": steps * particles}
-    steps = ceil(max(explicit_steps(material, cell, scene.fps)[0] for material in materials_of(things)))
+    speeds = [impact_speed(thing, scene) for thing in things]
+    steps = ceil(max(explicit_steps(material, cell, scene.fps, speed)[0] for thing, speed in zip(things, speeds, strict=True)
+                     for material in materials_of([thing])))
     return {"transfer": steps, "particle": steps * particles}
+
+
+def impact_speed(thing, scene: Scene) -> float:
+    """Speed [m/s] with which a body of material points comes down: that of its start, and of its fall to the highest collider
+    that begins below it, v^2 = v_0^2 + 2 g H; without one, that of its start."""
+    speed = float(np.linalg.norm(np.atleast_2d(thing.velocity), axis=1).max(initial=0.0))
+    g = np.asarray(scene.gravity, np.float64)
+    if not np.any(g):
+        return speed
+    up, bottom = -g / np.linalg.norm(g), float("inf")
+    for x in (thing.points, None if thing.shape is None else outline_points(thing.shape)):
+        if x is not None and len(x):
+            bottom = min(bottom, float((thing.motion.points(x, 0.0) @ up).min()))
+    tops = [float((c.motion.points(outline_points(c.shape), 0.0) @ up).max()) for c in scene.colliders]
+    fall = min((bottom - top for top in tops if top < bottom), default=0.0)
+    return float(np.sqrt(speed**2 + 2.0 * np.linalg.norm(g) * max(0.0, fall)))
+
+
+def outline_points(shape) -> np.ndarray:
+    """Points of a shape, in its own frame [m], (n, 3)."""
+    if isinstance(shape, Surface):
+        return shape.points.astype(np.float64)
+    row = shape_row(shape)
+    return row.outline(row.given(shape), 16)[0]

@@ -8,7 +8,8 @@ from wsim.physics.mpm.objects import MaterialPoints
 
 IMPLICIT_MATERIALS = "sand alone, or jelly and snow"
 INTEGRATORS = ("auto", "explicit", "implicit")
-COURANT = 0.5              # cells that a wave may cross in a step, as kernels/particles/mpm/motion.py
+COURANT = WAY = 0.5        # cells that a wave, and a particle, may cross in a step, as kernels/particles/mpm/motion.py
+HARDENING = 4.0            # largest exponent of snow that is packed, as kernels/particles/mpm/laws.py
 SAND_STEPS = 200           # explicit steps of a frame, above which sand takes implicit ones
 ELASTIC_STEPS = 2000       # and jelly and snow, which implicit steps damp
 ELASTIC = {"neo_hookean", "corotational", "snow"}
@@ -19,11 +20,16 @@ def materials_of(things: list[MaterialPoints]) -> list:
     return [material for thing in things for material in thing.materials]
 
 
-def explicit_steps(material: Any, cell: float, fps: float) -> tuple[float, float]:
-    """Explicit steps of a frame, and the length of one [s], by the wave of the material at rest; cell: edge of a cell [m]."""
+def explicit_steps(material: Any, cell: float, fps: float, speed: float = 0.0) -> tuple[float, float]:
+    """Explicit steps of a frame, and the length of one [s], by the wave of the material; cell: edge of a cell [m].
+
+    speed    with which it hits something [m/s]. Nothing is farther in a step than WAY cells. Snow whose elastic limit does not
+             bear the pressure density speed^2 packs where it is struck, and is then as stiff as its law has it at most."""
     mu, lam = material.numbers()[:2]
-    speed = float(np.sqrt((lam + 2.0 * mu) / material.density))
-    step = COURANT * cell / speed
+    wave = float(np.sqrt((lam + 2.0 * mu) / material.density))
+    if material.law == "snow" and material.density * speed**2 > material.compression_limit * (lam + 2.0 * mu):
+        wave *= float(np.exp(0.5 * HARDENING * (material.hardening > 0.0)))
+    step = cell / max(wave / COURANT, speed / WAY)
     return (1.0 / (fps * step) if fps > 0.0 else 0.0), step
 
 
