@@ -32,8 +32,11 @@
                                 each other, or rigid bodies, likewise
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     walled, emitted             an element beside each collider's obstacles, and beside each source
+    sheeted                     an element of a domain in which cloth or a soft body is a wall: what a sheet covers of it
     tank, drop                  a liquid, a frame; a particle that it has at the start
-    transfer, particle          an explicit step of material points; a particle in it
+    transfer, particle          an explicit step of material points; a particle in it, on a CPU by the weight of its law
+    pushed                      what bodies and surfaces that they push add to such a step
+    meshed, enclosed            and what each mesh that collides does: a step, and a particle in it
     long, solved_particle       an implicit one; a particle in it
     sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
                                 to send places, or velocities (H200, tools/bench/choice/blocks.py: blocks_h200.json)
@@ -78,6 +81,8 @@ from wsim.scene.methods import (
 # rigid to drop: CPU, medians of bricks, dominoes, a pyramid, an arch, cards, a humanoid, a plume, 1, 20 and 100 sources, a dam,
 # a tank: said to take 0.6 to 1.4 of their frames (one core); H200: scenes_h200.json, a pile of 1000 bodies, a tank of a million
 # particles (tools/results/fluids.md); no scene there has many sources
+# sheeted: the waved flag, one core and H200 (20 thousand cells; what a large grid takes there is not measured). pushed to
+# enclosed: the sand castle and the hourglass, likewise
 # transfer to solved_particle: CPU, jelly and sand of 64 to 32768 particles, 2.8e-7 and 5e-7 s a particle; H200, 97k and 1M of
 # jelly (tools/results/material_points.md); implicit sand of 512 and 4096 (CPU), of 221k and 1.8M (H200, by 100 sweeps)
 # rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
