@@ -113,9 +113,10 @@ def test_a_load_is_an_input_of_a_recording():
     recording = Recording(Simulation(pushed(), gradients=True, precision="float64", device="cpu"), 4)
     recording.run()
     found = inputs_by_name(recording, ["/grows:force", "/stays:force", "/chain:mass"])
-    assert found["/grows:force"].read().shape == (2, 3) and found["/stays:force"].read().tolist() == STAYS
-    found["/stays:force"].write([1.0, 0.0, 0.0])
-    assert found["/stays:force"].read().tolist() == [1.0, 0.0, 0.0] and found["/chain:mass"].read() == pytest.approx(0.4)
+    assert found["/grows:force"].read_value().shape == (2, 3) and found["/stays:force"].read_value().tolist() == STAYS
+    found["/stays:force"].write_value([1.0, 0.0, 0.0])
+    assert found["/stays:force"].read_value().tolist() == [1.0, 0.0, 0.0]
+    assert found["/chain:mass"].read_value() == pytest.approx(0.4)
     gradient = recording.backward({4: {"/chain": np.ones((3, 3))}})
     assert found["/stays:force"].gradient(gradient, 0, (3,)).shape == (3,)
     with pytest.raises(SceneError, match="/grows:force"):

@@ -24,12 +24,12 @@ def loss(r: Recording, poses: dict, twists: dict) -> float:
 
 def slope(r: Recording, name: str, way: np.ndarray, poses: dict, twists: dict, step: float) -> float:
     value = inputs_by_name(r, [name])[name]
-    base, losses = value.read(), []
+    base, losses = value.read_value(), []
     for k in (1, 2, 3, 4):
         for sign in (1.0, -1.0):
-            value.write(base + sign * k * step * way)
+            value.write_value(base + sign * k * step * way)
             losses.append(loss(r, poses, twists))
-    value.write(base)
+    value.write_value(base)
     r.run()
     return float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
 
@@ -185,7 +185,7 @@ def test_a_throw_is_found_from_poses_by_its_gradient():
 
     def misfit(theta):
         for value, part in zip(both.values(), (theta[:3], theta[3:]), strict=True):
-            value.write(part)
+            value.write_value(part)
         r.run()
         off = {f: r.poses(f, "/thrown") - seen[f] for f in frames}
         g = r.backward(poses={f: {"/thrown": each} for f, each in off.items()})

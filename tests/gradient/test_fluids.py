@@ -146,12 +146,12 @@ def test_a_source_over_time_makes_the_plume_that_is_wanted():
     scene.objects["Source"][0].strength = Curve(keys, np.ones(5))
     r = recorded(scene, 9)
     (strength,) = inputs_by_name(r, ["/fire:strength"]).values()
-    strength.write(wanted)
+    strength.write_value(wanted)
     r.run()
     seen = {f: r.fluid(f, "/air")["smoke"] for f in frames}
 
     def misfit(s: np.ndarray) -> tuple[float, np.ndarray]:
-        strength.write(s)
+        strength.write_value(s)
         r.run()
         off = {f: r.fluid(f, "/air")["smoke"] - seen[f] for f in frames}
         found = r.backward(fluids={f: {"/air": {"smoke": each}} for f, each in off.items()})

@@ -39,7 +39,7 @@ def test_seeds_times_jvp_is_vjp_times_direction(key):
     s = rng.normal(size=f.shape)
     by = f.vjp(s)
     for name, value in f.values().items():
-        d = rng.normal(size=value.shape) * f.inputs[name].scale()
+        d = rng.normal(size=value.shape) * f.inputs[name].difference_scale()
         found = f.jvp({name: d})
         sizes = [np.linalg.norm(s[k]) * np.linalg.norm(found.value[k]) for k in (0, 1)]
         missed = abs((s * found.value).sum() - (by[name] * d).sum())
@@ -96,7 +96,7 @@ def test_hessians_are_symmetric_and_errors_are_named(key):
     make, names = SCENES[key]
     f, rng = rollout(make(), names), np.random.default_rng(5)
     wanted = f.run() + 0.01
-    d, e = ({n: rng.normal(size=v.shape) * f.inputs[n].scale() for n, v in f.values().items()} for _ in range(2))
+    d, e = ({n: rng.normal(size=v.shape) * f.inputs[n].difference_scale() for n, v in f.values().items()} for _ in range(2))
     ways = [(f.hvp(a, lambda y: np.sin(y - wanted)), b) for a, b in ((d, e), (e, d))]
     one, other = (sum((p.value[n] * way[n]).sum() for n in names) for p, way in ways)
     assert one == pytest.approx(other, rel=1e-7)
@@ -203,5 +203,5 @@ def test_values_of_elements_are_in_the_authors_order():
         base = float(f.values()[name]) * (1.0 + 0.1 * np.arange(count) / count)
         y = f.run({name: base})
         assert f.values()[name] == pytest.approx(base)
-        one = (np.arange(count) == 4) * f.inputs[name].scale()
+        one = (np.arange(count) == 4) * f.inputs[name].difference_scale()
         assert (f.vjp(y)[name] * one).sum() == pytest.approx((y * f.jvp({name: one}).value).sum(), rel=1e-7)

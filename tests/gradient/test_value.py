@@ -65,7 +65,7 @@ def step_of(value, key: str) -> float:
     if key.startswith(("Pin", "Collider", "Skeleton")):
         return 2e-7 if key.startswith("Collider-explicit") else 2e-6
     near = key in ("free", "driven", "dynamic_friction", "restitution") or key == "implicit" and value.what == "positions"
-    return 1e-3 * value.scale() * (0.1 if near else 1.0)
+    return 1e-3 * value.difference_scale() * (0.1 if near else 1.0)
 
 
 def rows() -> list:
@@ -96,13 +96,13 @@ def test_every_value_has_the_slope_of_differences(column, owner, name):
     found = np.asarray(r.backward(**{what: {r.frames: each} for what, each in by.items()}).value(path, name))
     name_ = f"{path}:{name}".removeprefix("/:")
     value = inputs_by_name(r, [name_])[name_]
-    base, losses = value.read(), {}
+    base, losses = value.read_value(), {}
     way = np.random.default_rng(8).normal(size=base.shape) if base.ndim else np.ones(())
     step = step_of(value, key) / float(np.abs(way).max())
     for k in (-2, -1, 1, 2):
-        value.write(base + k * step * way)
+        value.write_value(base + k * step * way)
         losses[k] = loss(r, by)
-    value.write(base)
+    value.write_value(base)
     expected = (8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step)
     assert abs(expected) > 0.0 or name in IDLE
     rel = 5e-8 if key in ("explicit", "xpbd") else 5e-6 if key == "implicit" else 1e-6

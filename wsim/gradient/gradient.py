@@ -69,7 +69,7 @@ class Gradient(ElementGradient):
             return getattr(self, name)(world)
         if row.gradient in ("path", "turns", "weights"):
             own = inputs_by_name(self.recording, [f"{path}:{name}"])[f"{path}:{name}"]
-            return own.gradient(self, world, own.read(world).shape)
+            return own.gradient(self, world, own.read_value(world).shape)
         if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
         if row.gradient == "surface" and not self.fluids:

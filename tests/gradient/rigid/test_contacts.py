@@ -48,15 +48,15 @@ def loss(r: Recording) -> float:
 
 def slopes(r: Recording, gradient, name: str, step: float) -> tuple[float, float]:
     value = inputs_by_name(r, [name])[name]
-    base = value.read()
+    base = value.read_value()
     found = value.gradient(gradient, 0, base.shape)
     way, losses = np.random.default_rng(3).normal(size=base.shape) if base.ndim else np.ones(()), []
     step *= float(np.abs(base).max()) or 1.0
     for k in (1, 2, 3, 4):
         for sign in (1.0, -1.0):
-            value.write(base + sign * k * step * way)
+            value.write_value(base + sign * k * step * way)
             losses.append(loss(r))
-    value.write(base)
+    value.write_value(base)
     r.run()
     return float((found * way).sum()), float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
 
@@ -89,13 +89,13 @@ def test_a_stack_at_rest_has_the_slope_of_differences():
     gradient = r.backward(poses=by)
     for name in ("/box1:velocity", "/box2:force", "gravity"):
         value = inputs_by_name(r, [name])[name]
-        base, way, losses = value.read(), np.array([0.2, -0.6, 0.4]), []
+        base, way, losses = value.read_value(), np.array([0.2, -0.6, 0.4]), []
         found, step = value.gradient(gradient, 0, base.shape), 1e-3
         for sign in (1.0, -1.0):
-            value.write(base + sign * step * way)
+            value.write_value(base + sign * step * way)
             r.run()
             losses.append(sum((r.poses(LAST, p) * M).sum() for p, M in by[LAST].items()))
-        value.write(base)
+        value.write_value(base)
         r.run()
         assert float(found @ way) == pytest.approx((losses[0] - losses[1]) / (2.0 * step), rel=1e-5, abs=5e-9), name
 

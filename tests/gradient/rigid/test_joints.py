@@ -48,15 +48,15 @@ def slopes(kind: str, name: str, step: float) -> tuple[float, float]:
     """Along one direction: what the gradient says, and differences."""
     r = recorded(kind)
     value = inputs_by_name(r, [name])[name]
-    base = value.read()
+    base = value.read_value()
     found = value.gradient(gradient(kind), 0, base.shape)
     way = np.random.default_rng(3).normal(size=base.shape) if base.ndim else np.ones(())
     losses = []
     for k in (1, 2, 3, 4):
         for sign in (1.0, -1.0):
-            value.write(base + sign * k * step * way)
+            value.write_value(base + sign * k * step * way)
             losses.append(loss(r))
-    value.write(base)
+    value.write_value(base)
     r.run()
     return float((found * way).sum()), float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
 
@@ -79,12 +79,12 @@ DRIVES += [pytest.param("driven alone", f"/first:{name}", id=f"alone {name}") fo
 def test_drives_have_the_slope_of_differences(kind, name):
     if kind == "driven D6" and "first" in name:
         with pytest.raises(SceneError):
-            inputs_by_name(recorded(kind), [name])[name].read()
+            inputs_by_name(recorded(kind), [name])[name].read_value()
         return
     found, expected = slopes(kind, name, 1e-3)
     assert abs(expected) > 1e-6 and found == pytest.approx(expected, rel=1e-7)
     if kind == "driven D6":
-        assert inputs_by_name(recorded(kind), [name])[name].read().shape == (4,)
+        assert inputs_by_name(recorded(kind), [name])[name].read_value().shape == (4,)
 
 
 @pytest.mark.slow
@@ -172,12 +172,12 @@ def test_a_humanoid_that_falls_has_the_slope_of_differences():
     assert r.bodies.left < 1e-10
     for name in (f"{torso}:velocity", f"{hip}:target", "gravity"):
         value = inputs_by_name(r, [name])[name]
-        base, losses = value.read(), []
+        base, losses = value.read_value(), []
         way, step = np.array([0.3, -0.5, 0.8]), 1e-3
         for k in (1, 2, 3, 4):
             for sign in (1.0, -1.0):
-                value.write(base + sign * k * step * way)
+                value.write_value(base + sign * k * step * way)
                 losses.append(seen())
-        value.write(base)
+        value.write_value(base)
         expected = np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step
         assert float(value.gradient(found, 0, base.shape) @ way) == pytest.approx(expected, rel=1e-8), name

@@ -30,7 +30,7 @@ def test_gradcheck(key):
     """In float64, of inputs in units of their own size, so that torch's differences are right to 1e-8."""
     make, names = CASES[key]
     f = layer(make(), names, [2])
-    sizes = [20.0 * i.scale() for i in f.rollout.inputs.values()]
+    sizes = [20.0 * i.difference_scale() for i in f.rollout.inputs.values()]
     given = [(value / size).requires_grad_() for value, size in zip(f.values(), sizes, strict=True)]
 
     def scaled(*u):

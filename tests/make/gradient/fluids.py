@@ -78,13 +78,13 @@ def slope(r: Recording, name: str, way: np.ndarray, by: dict, size: float) -> tu
     comes in that did not: there the difference over twice the step is the same, to 5e-9; of the largest to 1e-9, or the one of
     which it is so best."""
     value = inputs_by_name(r, [name])[name]
-    base, found = value.read(), []
+    base, found = value.read_value(), []
     for step in size * 10.0 ** np.array([-4.0, -4.5, -5.0, -5.5, -6.0, -6.5]):
         losses = []
         for k in (-2, -1, 1, 2):
-            value.write(base + k * step * way)
+            value.write_value(base + k * step * way)
             losses.append(loss(r, by))
-        value.write(base)
+        value.write_value(base)
         r.run()
         near, far = (losses[2] - losses[1]) / (2.0 * step), (losses[3] - losses[0]) / (4.0 * step)
         noise = 4e-16 * sum(map(abs, losses)) / step
@@ -110,7 +110,7 @@ def compared(r: Recording, by: dict, name: str, rel: float = 1e-8) -> None:
     way = np.random.default_rng(seed).normal(size=found.shape) if found.ndim else np.ones(())
     if what in ("velocity", "gravity", "wind", "place", "acceleration") and r.fluids.method.layouts[0].dim == 2:
         way[..., 2] = 0.0
-    expected, noise = slope(r, name, way, by, 20.0 * inputs_by_name(r, [name])[name].scale())
+    expected, noise = slope(r, name, way, by, 20.0 * inputs_by_name(r, [name])[name].difference_scale())
     assert abs(expected) > 1e3 * noise or abs(expected) > 1e-5
     assert float((found * way).sum()) == pytest.approx(expected, rel=rel, abs=noise)
 

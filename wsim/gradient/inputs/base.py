@@ -13,8 +13,8 @@ PART = 0.05            # of a value, that a derivative by differences may move i
 
 
 class RecordingInput(ABC):
-    """One named value of a recording. `scale`: by how much it may change, at most, for a difference to be a derivative.
-    shared: worlds do not have their own."""
+    """One named value of a recording. `difference_scale`: by how much it may change, at most, for a difference to be a
+    derivative. shared: worlds do not have their own."""
 
     shared = False
 
@@ -23,13 +23,13 @@ class RecordingInput(ABC):
         self.path, _, self.what = name.rpartition(":")
         self.row = differentiable_row(recording.sim.scene, self.path or "/", self.what)
 
-    def shapes(self) -> list[tuple[int, ...]]:
+    def value_shapes(self) -> list[tuple[int, ...]]:
         """Shapes that a value of one world may have."""
-        return [self.read().shape]
+        return [self.read_value().shape]
 
-    def each(self, value) -> np.ndarray:
+    def values_by_world(self, value) -> np.ndarray:
         """A given value for every world, (worlds, ...). Raises SceneError for other shapes and what is no finite number."""
-        value, worlds, shapes = np.asarray(value, np.float64), self.sim.worlds, self.shapes()
+        value, worlds, shapes = np.asarray(value, np.float64), self.sim.worlds, self.value_shapes()
         allowed = shapes + [(worlds, *s) for s in shapes] * (worlds > 1)
         if value.shape not in allowed:
             raise SceneError(Problem(self.name, f"found shape {value.shape}; allowed are {', '.join(map(str, allowed))}"))
@@ -37,15 +37,15 @@ class RecordingInput(ABC):
             raise SceneError(Problem(self.name, "found a value that is no finite number"))
         return np.broadcast_to(value, (worlds, *value.shape)) if value.shape in shapes else value
 
-    def write(self, value) -> None:
+    def write_value(self, value) -> None:
         """Raises SceneError for values that the table of values does not allow."""
-        values = self.each(value)
-        if not (good := self.allowed(values)).all():
+        values = self.values_by_world(value)
+        if not (good := self.allowed_numbers(values)).all():
             raise SceneError(Problem(self.name, self.row.range.wrong(self.what, values[~good][0])))
         for world, each in enumerate(values):
-            self.put(each, world)
+            self.set_world_value(each, world)
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         """Sets a live parameter; the number of substeps stays as it is."""
         path = self.path or "/"
         given = value if value.shape else float(value)
@@ -58,23 +58,23 @@ class RecordingInput(ABC):
         """Bounds of the value."""
         return self.row.range.low, self.row.range.high
 
-    def allowed(self, value: np.ndarray) -> np.ndarray:
+    def allowed_numbers(self, value: np.ndarray) -> np.ndarray:
         """Mask of the numbers that may be."""
         return np.asarray(self.row.range.holds(value))
 
     def allows_value(self, value: np.ndarray) -> bool:
-        return bool(self.allowed(value).all())
+        return bool(self.allowed_numbers(value).all())
 
     @abstractmethod
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         """Present value of the input."""
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         """Gradient of one world, of a value of that shape, from a `wsim.gradient.gradient.Gradient`."""
         return np.asarray(gradient.value(self.path or "/", self.what, world))
 
-    def scale(self) -> float:
-        return PART * float(np.abs(self.read()).max())
+    def difference_scale(self) -> float:
+        return PART * float(np.abs(self.read_value()).max())
 
 
 class StartInput(RecordingInput):
@@ -86,15 +86,15 @@ class StartInput(RecordingInput):
         kept = self.sim.state.points.names
         return slice(kept.index(name) * self.model.points, (kept.index(name) + 1) * self.model.points)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         every, body = self.recording.initial.numpy().astype(np.float64), self.model.body(self.path, world)
         if self.what == "velocities":
             return every[self.field("v")][body.index]
         return (every[self.field("x")] + every[self.field("e")])[body.index] + body.origin
 
-    def write(self, value) -> None:
+    def write_value(self, value) -> None:
         every = self.recording.initial.numpy().copy()
-        for world, each in enumerate(self.each(value)):
+        for world, each in enumerate(self.values_by_world(value)):
             body = self.model.body(self.path, world)
             where = places_with_midnodes(body)
             if self.what == "velocities":
@@ -105,7 +105,7 @@ class StartInput(RecordingInput):
                 every[self.field("e")][where] = exact - every[self.field("x")][where]
         self.recording.initial.assign(every)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         """A part of a mean edge; velocities: that change a place by as much in the time of the recording."""
         body = self.model.body(self.path)
         edge = PART * float(edge_lengths(body).mean()) if len(body.edges) else PART * 0.1

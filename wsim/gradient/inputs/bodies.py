@@ -17,16 +17,16 @@ from wsim.gradient.inputs.base import PART, RecordingInput
 class BodyValue(RecordingInput):
     """A value of a rigid body. To write one takes the simulation back to where the recording begins."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         r = self.recording
         return np.asarray(r.bodies.now(self.path, self.what, world, [(a, b.numpy()) for a, b in r.flowed]), np.float64)
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         self.recording.rewind()
-        super().put(value, world)
+        super().set_world_value(value, world)
         for array, begun in self.recording.flowed:
             wp.copy(begun, array)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         """A part of it; of what is 0 that of one unit."""
-        return PART * (float(np.abs(self.read()).max()) or 1.0)
+        return PART * (float(np.abs(self.read_value()).max()) or 1.0)

@@ -39,7 +39,7 @@ from wsim.scene.values.table import limits_explicit_steps
 class SceneInput(RecordingInput):
     """gravity, wind or air_drag, of the whole scene."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         p = self.recording.parameters
         fluids = self.recording.fluids
         if self.what == "wind" and not (p.air or fluids):
@@ -59,14 +59,14 @@ class SceneInput(RecordingInput):
             raise SceneError(Problem(self.name, "is not the same for all bodies, and has no one value"))
         return rows[0]
 
-    def scale(self) -> float:
-        return PART * max(1.0, float(np.abs(self.read()).max()))
+    def difference_scale(self) -> float:
+        return PART * max(1.0, float(np.abs(self.read_value()).max()))
 
 
 class DensityInput(RecordingInput):
     """Density of a body whose masses follow it."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
         density = self.sim.plan.ports.densities.get(body.number) or single_density(body.source)
         if density is None:
@@ -78,7 +78,7 @@ class DensityInput(RecordingInput):
 class MassInput(RecordingInput):
     """Mass of a net."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
         return np.array(body.masses.sum())
 
@@ -105,7 +105,7 @@ class MaterialInput(RecordingInput):
         return [part for table in self.recording.parameters.tables for part in table.parts
                 if part.body is body and self.what in part.values]
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         """One value where all elements have the same, else that of each element."""
         body = self.model.body(self.path, world)
         found = self.values(body)
@@ -127,11 +127,11 @@ class MaterialInput(RecordingInput):
         more = ["density"] * (single_density(body.source) is not None) + ["mass"] * body.source.is_net
         return sorted({*recording.parameters.names(body), *more})
 
-    def allowed(self, value: np.ndarray) -> np.ndarray:
+    def allowed_numbers(self, value: np.ndarray) -> np.ndarray:
         """0 too: what is slackened to nothing has a derivative."""
-        return super().allowed(value) | ((value == 0.0) & (self.row.range.low == 0.0))
+        return super().allowed_numbers(value) | ((value == 0.0) & (self.row.range.low == 0.0))
 
-    def shapes(self) -> list[tuple[int, ...]]:
+    def value_shapes(self) -> list[tuple[int, ...]]:
         body = self.model.body(self.path)
         count = sum(len(each) for each in self.values(body))
         single = count == 1 or self.what == "yield_strain" or (self.what == "damping" and not self.tets(body))
@@ -141,9 +141,9 @@ class MaterialInput(RecordingInput):
         found = np.asarray(gradient.value(self.path, self.what, world, elements=bool(shape)))
         return self.sorted(found, self.model.body(self.path, world)) if shape else found
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         """Scale of the value; of Poisson's ratio a part of what is left to its ends."""
-        value = self.read()
+        value = self.read_value()
         if self.what == "poisson":
             return PART * float(np.minimum(0.5 - value, 1.0 + value).min())
         return PART * float(np.abs(value).min())
@@ -156,7 +156,7 @@ def inputs_by_name(recording, names) -> dict[str, RecordingInput]:
     for name in names:
         try:
             found[name] = _input_of_name(recording, name)
-            found[name].read()
+            found[name].read_value()
         except SceneError as error:
             problems += error.problems
         if list(names).count(name) > 1:

@@ -16,7 +16,7 @@ from wsim.scene.values.table import FRICTION
 class ContactInput(RecordingInput):
     """Friction of a body or a collider, restitution and thickness of a collider."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         if (bodies := self.recording.bodies) and bodies.places(self.path, self.what, world):
             return np.asarray(bodies.now(self.path, self.what, world, []))
         contacts, bounce = self.sim.plan.ports.contacts, self.sim.plan.ports.restitution
@@ -35,8 +35,8 @@ class ContactInput(RecordingInput):
             raise SceneError(Problem(self.name, "no collider throws back, so nothing of that runs; give one a restitution > 0"))
         return np.array(bounce.of(rows[0], self.model.bodies[objects[0]].first))
 
-    def scale(self) -> float:
-        return PART * max(float(self.read()), 1e-3)
+    def difference_scale(self) -> float:
+        return PART * max(float(self.read_value()), 1e-3)
 
 
 class ShiftedMotion(Motion):
@@ -67,22 +67,22 @@ class ShiftInput(RecordingInput):
     def collider(self):
         return next(c for c in self.sim.plan.ports.contacts.rows.colliders if c.path == self.path)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         motion, r = self.collider().motion, self.recording
         here = isinstance(motion, ShiftedMotion) and motion.start == r.start and len(motion.shift) == r.frames + 1
         return motion.shift.copy() if here else np.zeros((r.frames + 1, 3))
 
-    def write(self, value) -> None:
-        if np.shape(value) != self.read().shape:
-            raise SceneError(Problem(self.name, f"found shape {np.shape(value)}; allowed is {self.read().shape}: worlds share "
-                                     "their colliders"))
-        self.put(self.each(value)[0], 0)
+    def write_value(self, value) -> None:
+        if np.shape(value) != self.read_value().shape:
+            raise SceneError(Problem(self.name, f"found shape {np.shape(value)}; allowed is {self.read_value().shape}: worlds "
+                                     "share their colliders"))
+        self.set_world_value(self.values_by_world(value)[0], 0)
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         motion = self.collider().motion
         own = motion.own if isinstance(motion, ShiftedMotion) else motion
         self.sim.plan.ports.contacts.move(
             self.path, ShiftedMotion(own, value.copy(), self.recording.start, self.sim.scene.fps))
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         return 1e-4

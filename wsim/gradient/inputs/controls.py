@@ -18,7 +18,7 @@ class ActuationInput(RecordingInput):
             raise gradient_refusal("actuation", self.path)
         return muscles.muscles[muscles.find(self.path, world)]
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         return self.muscle_of_world(world).curve.values.copy()
 
 
@@ -29,15 +29,15 @@ class LoadInput(RecordingInput):
         loads = self.recording.parameters.loads
         return loads.borne[loads.find(self.path, world)].curve
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         curve = self.curve(world)
         return curve.values.copy() if curve.moves else curve.values[0].copy()
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return gradient.load(self.path, world).reshape(shape)
 
-    def scale(self) -> float:
-        return PART * (float(np.abs(self.read()).max()) or 1.0)
+    def difference_scale(self) -> float:
+        return PART * (float(np.abs(self.read_value()).max()) or 1.0)
 
 
 class TabledTargets:
@@ -70,18 +70,18 @@ class TargetsInput(RecordingInput):
                     return p, kind == "hard"
         raise AssertionError(self.path)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         (p, hard), r, clock = self.pin(world), self.recording, self.sim.plan.clock
         if not self.pins.moves:
             return p.targets(r.start / self.sim.scene.fps) + p.body.origin
         return np.stack([[p.targets((r.start + f) / self.sim.scene.fps + moment) + p.body.origin
                           for moment in clock.moments(hard)] for f in range(r.frames)])
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         (p, hard), clock = self.pin(world), self.sim.plan.clock
         p.motion = TabledTargets(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
         self.pins.changed = True
         self.sim.graphs.forget("pins move otherwise")
 
-    def scale(self) -> float:
-        return StartInput(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()
+    def difference_scale(self) -> float:
+        return StartInput(self.recording, f"{self.pin(0)[0].pin.body}:positions").difference_scale()

@@ -37,7 +37,7 @@ class FluidValue(RecordingInput):
         """True if it is a field where the recording begins."""
         return self.own and self.what in ("velocity", *SCALARS)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         method = self.method
         self.recording.fluids.runs(self.path, self.what)
         if not self.own:
@@ -70,9 +70,9 @@ class FluidValue(RecordingInput):
                 return wp.array(ptr=begun.ptr + base.ptr - array.ptr, dtype=base.dtype, shape=base.shape, device=base.device)
         raise AssertionError(f"{name} is no part of the state")
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         if not self.field():
-            super().put(value, world)
+            super().set_world_value(value, world)
             return
         k = self.recording.fluids.row(self.path, world)
         layout = self.method.layouts[k]
@@ -85,18 +85,18 @@ class FluidValue(RecordingInput):
             self.part(k, SCALARS[self.what]).assign(value.ravel().astype(self.model.dtype))
         self.recording.fluids.begun[k, self.what] = np.array(value, np.float64)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         """A part of it; of what is 0 that of one unit; of a place that of a cell."""
         if self.what == "place":
             return PART * min(fluid.cell for fluid, _ in self.method.pairs)
-        return PART * (float(np.abs(self.read()).max()) or 1.0)
+        return PART * (float(np.abs(self.read_value()).max()) or 1.0)
 
 
 class SurfaceInput(RecordingInput):
     """An addition to the velocity and the angular velocity of an obstacle's surface in each frame, (frames, 2, 3); it is
     read as zeros, and cannot be written."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         fluids = self.recording.fluids
         moving = [d.obstacles.shapes for d in fluids.method.domains if d.obstacles and d.obstacles.moving] if fluids else []
         if not any(thing.path == self.path for shapes in moving for thing in shapes.things):

@@ -16,7 +16,7 @@ FIELDS = {"velocities": "v", "positions": "o"}
 class MaterialPointValue(RecordingInput):
     """A value of a body of material points."""
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         recorded = self.recording.grains
         rows = recorded.rows(self.path, world)
         if self.what == "velocities":
@@ -33,9 +33,9 @@ class MaterialPointValue(RecordingInput):
             raise gradient_refusal("law", self.path, name=self.what, law=material.law)
         return np.array(getattr(material, self.what), np.float64)
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         if self.what not in FIELDS:
-            super().put(value, world)
+            super().set_world_value(value, world)
             return
         method, rows = self.recording.grains.method, self.recording.grains.rows(self.path, world)
         if self.what == "velocities":
@@ -63,11 +63,11 @@ class MaterialPointValue(RecordingInput):
         every[rows] = values
         array.assign(every)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         """A part of a cell; velocities: that change a place by as much in the time of the recording; else a part of it."""
         cell = PART * self.recording.grains.method.cell
         if self.what == "positions":
             return cell
         if self.what == "velocities":
             return cell * self.sim.scene.fps / self.recording.frames
-        return PART * (float(np.abs(self.read()).max()) or 1.0)
+        return PART * (float(np.abs(self.read_value()).max()) or 1.0)

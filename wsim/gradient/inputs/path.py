@@ -107,7 +107,7 @@ class PathInput(RecordingInput):
         pins = self.recording.parameters.pins
         return next(p for group in pins.groups.values() for p in group if p.pin.path == self.path and p.body.world == world)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         motion = self.motion(world)
         if self.what == "turns":
             before, now = (rotation.polar_decomposition(m.values[:, :3, :3])[0] for m in (self.base[world], motion))
@@ -119,13 +119,13 @@ class PathInput(RecordingInput):
             raise SceneError(Problem(self.name, f"its motion is of kind {motion.kind}, which has no {self.what}; {need}"))
         return found
 
-    def write(self, value) -> None:
-        if self.shared and np.shape(value) != self.read().shape:
-            raise SceneError(Problem(self.name, f"found shape {np.shape(value)}; allowed is {self.read().shape}: worlds share "
-                                     "their colliders"))
-        super().write(value)
+    def write_value(self, value) -> None:
+        if self.shared and np.shape(value) != self.read_value().shape:
+            raise SceneError(Problem(self.name, f"found shape {np.shape(value)}; allowed is {self.read_value().shape}: worlds "
+                                     "share their colliders"))
+        super().write_value(value)
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         if self.shared and world:
             return
         try:
@@ -144,7 +144,7 @@ class PathInput(RecordingInput):
         found = pull_back_to_controls(self.motion(world), self.what, times.ravel(), by.reshape(-1, 3), turn.reshape(-1, 3))
         if self.what == "turns":
             from wsim.physics.animation.skinning_adjoint import right_rotation_jacobian
-            return np.einsum("kmi,km->ki", right_rotation_jacobian(self.read(world)), found)
+            return np.einsum("kmi,km->ki", right_rotation_jacobian(self.read_value(world)), found)
         return found
 
     def ways(self, gradient, world: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -159,5 +159,5 @@ class PathInput(RecordingInput):
         arms = pin.locals @ pin.motion.sampled(times.ravel())[:, :3, :3].swapaxes(1, 2)
         return times, by.sum(axis=2), np.cross(arms.reshape(by.shape), by).sum(axis=2)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         return STEP

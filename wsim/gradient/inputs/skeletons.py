@@ -46,7 +46,7 @@ class SkeletonInput(RecordingInput):
         """The skeleton as it is now."""
         return self.method.skeletons[self.sim.scene.things("Skeleton").index(self.given)]
 
-    def put(self, value: np.ndarray, world: int) -> None:
+    def set_world_value(self, value: np.ndarray, world: int) -> None:
         bones = self.changed(value)
         self.method.give(self.bones, bones)
         for p in self.followers:
@@ -107,7 +107,7 @@ class JointTurnsInput(SkeletonInput):
         if self.given.translations is None:
             raise gradient_refusal("unanimated", self.path)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         back = rotation.quat_conjugate(self.given.orientations)
         return rotation.quaternion_logarithm(rotation.quat_product(back, self.bones.orientations))
 
@@ -118,9 +118,9 @@ class JointTurnsInput(SkeletonInput):
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         from wsim.physics.animation.skinning_adjoint import right_rotation_jacobian
         by = self.pulled(gradient, world)[0]
-        return np.einsum("kjmi,kjm->kji", right_rotation_jacobian(self.read()), by).reshape(shape)
+        return np.einsum("kjmi,kjm->kji", right_rotation_jacobian(self.read_value()), by).reshape(shape)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         return 0.05
 
 
@@ -131,7 +131,7 @@ class BlendWeightsInput(SkeletonInput):
         if self.given.weights is None:
             raise gradient_refusal("shapes", self.path)
 
-    def read(self, world: int = 0) -> np.ndarray:
+    def read_value(self, world: int = 0) -> np.ndarray:
         return np.array(self.bones.weights.values, np.float64)
 
     def changed(self, value: np.ndarray):
@@ -140,5 +140,5 @@ class BlendWeightsInput(SkeletonInput):
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return self.pulled(gradient, world)[1].reshape(shape)
 
-    def scale(self) -> float:
+    def difference_scale(self) -> float:
         return 0.05

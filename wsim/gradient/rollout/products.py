@@ -80,7 +80,7 @@ class Rollout:
 
     def values(self) -> Values:
         """Values of the inputs now, of the first world."""
-        return {name: i.read() for name, i in self.inputs.items()}
+        return {name: i.read_value() for name, i in self.inputs.items()}
 
     def write(self, values: dict) -> None:
         """Sets some of the inputs. Raises SceneError for names and shapes that are none, and where explicit steps would have to
@@ -88,7 +88,7 @@ class Rollout:
         if wrong := values.keys() - self.inputs.keys():
             raise SceneError(Problem("inputs", f"found {', '.join(sorted(wrong))}; there are {', '.join(self.inputs)}"))
         for name, value in values.items():
-            self.inputs[name].write(value)
+            self.inputs[name].write_value(value)
         require_stable_substeps(self.recording, values)
 
     def run(self, values: dict | None = None) -> np.ndarray:
@@ -122,8 +122,8 @@ class Rollout:
         """Gradients of the inputs, by name; shapes: as `vjp`."""
         found = {}
         for name, i in self.inputs.items():
-            shape = tuple((shapes or {}).get(name, i.read().shape))
-            own = shape in i.shapes()                     # else of each world
+            shape = tuple((shapes or {}).get(name, i.read_value().shape))
+            own = shape in i.value_shapes()                     # else of each world
             each = [i.gradient(gradient, w, shape if own else shape[1:]) for w in range(self.sim.worlds)]
             found[name] = np.asarray(np.sum(each, axis=0)) if own else np.stack(each)
         return found
@@ -147,7 +147,7 @@ class Rollout:
 
         def run_copies_with_values(varied: Values) -> np.ndarray:
             for name, value in {**base, **varied}.items():
-                copies.inputs[name].write(value)
+                copies.inputs[name].write_value(value)
             return copies.run()
         return np.stack([run_copies_with_values({name: value[k] for name, value in rows.items()})
                          for k in range(count)]) if alone else run_copies_with_values(rows)
@@ -176,12 +176,12 @@ class Rollout:
         try:
             for s in step * richardson_offsets(FEW, side):
                 for name, each in d.items():
-                    self.inputs[name].write(base[name] + s * each)
+                    self.inputs[name].write_value(base[name] + s * each)
                 self.recording.run()
                 rows.append(self.vjp(slope(self.motion()), shapes))
         finally:
             for name in d:
-                self.inputs[name].write(base[name])
+                self.inputs[name].write_value(base[name])
         found = {name: richardson_derivative(np.stack([g[name] for g in rows]), step, side) for name in self.inputs}
         return DerivativeProduct({name: value for name, (value, _) in found.items()},
                                  {name: error for name, (_, error) in found.items()}, richardson_order(FEW, side), said)
@@ -195,7 +195,7 @@ class Rollout:
         if (wrong := given.keys() - self.inputs.keys()) or not given:
             raise SceneError(Problem("direction", f"found {', '.join(sorted(wrong)) or 'none'}; there are "
                                      f"{', '.join(self.inputs)}"))
-        d = {name: self.inputs[name].each(value)[0] for name, value in given.items()}
+        d = {name: self.inputs[name].values_by_world(value)[0] for name, value in given.items()}
         most = {name: float(np.abs(each).max(initial=0.0)) for name, each in d.items()}
         if not any(most.values()):
             raise SceneError(Problem("direction", "is zero"))
@@ -203,7 +203,7 @@ class Rollout:
 
     def scale(self, name: str) -> float:
         """`RecordingInput.scale`. Raises SceneError where it is none."""
-        found = self.inputs[name].scale()
+        found = self.inputs[name].difference_scale()
         if not found > 0.0:
             raise SceneError(Problem(name, "is 0 in some of its values, so that a part of it is no step; give the step of a "
                                      "product, or the spread of a verdict"))

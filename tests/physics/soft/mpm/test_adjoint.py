@@ -162,7 +162,7 @@ def error_of_slope(r, gradient, path, name, steps=(1e-5, 1e-6, 1e-7)):
     crosses a kink, or changes the number of a frame's steps, is off by more."""
     key = f"{path}:{name}".removeprefix("/:")
     value = inputs_by_name(r, [key])[key]
-    base = value.read()
+    base = value.read_value()
     way = np.random.default_rng(8).normal(size=base.shape) if base.ndim else np.ones(())
     scale = {"positions": 0.01, "velocities": 1.0}.get(name, float(np.abs(base).max()))
     found, off = float((np.asarray(gradient.value(path, name)) * way).sum()) * scale, []
@@ -171,10 +171,10 @@ def error_of_slope(r, gradient, path, name, steps=(1e-5, 1e-6, 1e-7)):
     for h in steps:
         f = []
         for k in (-2, -1, 1, 2):
-            value.write(base + k * h * scale * way)
+            value.write_value(base + k * h * scale * way)
             f.append((w * (seen(r) - at)).sum())
         off.append(abs((8.0 * (f[2] - f[1]) - (f[3] - f[0])) / (12.0 * h) / found - 1.0))
-    value.write(base)
+    value.write_value(base)
     return min(off)
 
 
