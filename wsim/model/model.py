@@ -52,6 +52,14 @@ class PointBody:
         return len(self.masses)
 
     @property
+    def point_masses(self) -> np.ndarray:
+        """Mass of each of the author's points [kg], (n,), in the order of `Simulation.positions` and `velocities`; points that
+        are welded share theirs evenly. `masses` are in solver order. Nodes amid edges of quadratic tets are none of the
+        author's points, and their masses are not among these."""
+        place = self.own - self.first
+        return self.masses[place] / np.bincount(place, minlength=self.count)[place]
+
+    @property
     def last(self) -> int:
         return self.first + self.count
 
