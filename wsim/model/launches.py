@@ -16,6 +16,13 @@ from contextlib import nullcontext
 from math import prod
 from typing import Any
 
+LARGE, MANY = 90, 64   # compute capability and multiprocessors on which clusters of 16 blocks were run; 8 fit everywhere
+
+
+def has_large_clusters(device) -> bool:
+    """True if clusters of 16 blocks were run on such a device."""
+    return device.arch == LARGE and device.sm_count >= MANY
+
 
 class KernelLaunches:
     """Launches of a model's kernels."""

@@ -11,7 +11,9 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
-    from wsim.model.stage import CallPort, Method
+    import warp as wp
+
+    from wsim.model.stage import CallPort, Clock, Method
     from wsim.physics.animation.method import SkeletonMethod
     from wsim.physics.cloth.air import Aero
     from wsim.physics.cloth.nets.muscles import Muscles
@@ -29,6 +31,49 @@ if TYPE_CHECKING:
     from wsim.physics.solver.newton import Assembly
 
 NONE: Any = None
+
+
+class NewtonTerm:
+    """A term that acts in a Newton step beside the forces of bodies. Every hook may stay as it is; all only launch kernels.
+
+    They are called in this order: `begin_solve`; in each Newton step `add_to_prediction`, `adjust_system`, `solve_step`,
+    `complete_step`, `clamp_step`, `extend_line_search`; behind them `take_further_steps` and `end_solve`.
+    """
+
+    def add_to_prediction(self, clock: Clock) -> None:
+        """Adds to own and b of a prediction."""
+
+    def observe_displacement(self, clock: Clock) -> None:
+        """Looks at a d that was moved without it."""
+
+    def adjust_system(self, g: float, fresh: bool) -> None:
+        """Changes A and f behind an assembly. g: effective step [s]; fresh: of forces, not of the Newton step before."""
+
+    def solve_step(self, clock: Clock, tolerance: float, cap: int) -> bool:
+        """Finds the step y itself; False: it leaves that to the system's own solver."""
+        return False
+
+    def complete_step(self) -> None:
+        """Adds to y what the step lacks."""
+
+    def clamp_step(self, g: float) -> None:
+        """Takes from y what is not allowed."""
+
+    def extend_line_search(self, trial, g: float, rows: int) -> None:
+        """Adds its energy to those that a line search compares."""
+
+    def unbalanced_forces(self, f: wp.array) -> wp.array:
+        """Forces that nothing balances, of forces f, after `adjust_system`."""
+        return f
+
+    def begin_solve(self, clock: Clock, back: Callable[[], None], line) -> None:
+        """Acts where Newton steps begin. back: launches the way back to where the substep began; line: the line search."""
+
+    def take_further_steps(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
+        """Acts behind the scene's Newton steps of a substep. again: launches a further one; measure: the residual."""
+
+    def end_solve(self, clock: Clock) -> None:
+        """Acts behind all Newton steps of a substep."""
 
 
 @dataclass
@@ -53,7 +98,7 @@ class Ports:
     spring_tables: Callable[[], list] = NONE            # where rest lengths stand
     force_gather: Any = NONE                            # `wsim.physics.motion.forces.ForceGather`
     newton_assembly: Assembly = NONE
-    newton_terms: list = NONE                           # what acts in a Newton step beside the forces of bodies
+    newton_terms: list[NewtonTerm] = NONE                           # what acts in a Newton step beside the forces of bodies
     line_search_lanes: Any = NONE
     solve_adjoint: Any = NONE
     stable_substeps: Any = NONE                         # function of explicit steps: how many substeps are stable

@@ -67,7 +67,7 @@ class ContactMethod(Method):
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
-        self.press: Callable[[Clock, float], None] | None = None        # for what moves points after Newton steps
+        self.reproject_contacts: Callable[[Clock, float], None] | None = None        # for what moves points after Newton steps
         self.model, self.state, self.anchor, self.points, self.movers = model, state, points.anchor, points, movers
         colliders = model.scene.colliders
         own = points.constants.object
@@ -175,8 +175,8 @@ class ContactMethod(Method):
         if self.movers:
             self.movers.project(clock, beside)
         elif self.within and not self.contacts.recorded:
-            if self.press and (self.trailed or beside):
-                self.press(clock, g)
+            if self.reproject_contacts and (self.trailed or beside):
+                self.reproject_contacts(clock, g)
         elif self.after or not (self.solved and self.contacts.recorded):
             if self.contacts.edges and not clock.integrator.explicit:
                 self.contacts.edges.renew(self.contacts.read(x=self.state.x, d=self.state.d, k=clock.k))
@@ -226,7 +226,8 @@ class ContactMethod(Method):
         from wsim.physics.solver.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
         active = ActiveSet(others.ports.newton_assembly, self.contacts)
         terms.append(active)
-        self.within, self.trailed, self.press = True, trailed, active.press if trailed or surfaces else None
+        self.within, self.trailed = True, trailed
+        self.reproject_contacts = active.observe_displacement if trailed or surfaces else None
         if adjoint:
             self.solved, self.after = True, trailed
             adjoint.enter("contacts", self.contacts, trailed)

@@ -18,12 +18,13 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.fast_paths import march_cpu
 from wsim.kernels.motion.fast_paths import simd_springs as lots
 from wsim.kernels.motion.fast_paths.cluster import Shares
+from wsim.model.launches import has_large_clusters
 from wsim.model.model import Model
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import CornerElements, SolidElements
 from wsim.physics.cloth.kind import SPRINGS
-from wsim.physics.motion.fast_paths.cluster import LARGE, MANY, cluster_for, exchange_halo
+from wsim.physics.motion.fast_paths.cluster import cluster_for, exchange_halo
 from wsim.physics.motion.fast_paths.simd_springs import Packets
 from wsim.physics.motion.fast_paths.threads import Abreast, count_cores, march_orders, net_parts
 from wsim.scene.methods import has_tets
@@ -149,8 +150,7 @@ class ForceGather:
         self.entry, other = spring, ids[spring].sum(1) - point
         most = int(np.diff(start).max())
         if self.alone:
-            size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
-            self.cluster = cluster_for(own, most, size, np.dtype(model.dtype).itemsize)
+            self.cluster = cluster_for(own, most, 16 if has_large_clusters(model.device) else 8, np.dtype(model.dtype).itemsize)
         self.share_points(most)
         width = -(-most // self.sums) * self.sums
         if self.cluster or n <= FEW or n * width <= PADDED * len(spring):

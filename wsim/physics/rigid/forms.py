@@ -15,7 +15,7 @@ import warp as wp
 from wsim.kernels.math import block
 from wsim.kernels.rigid import launches, passes, soft_step
 from wsim.kernels.rigid.graph import colours
-from wsim.physics.motion.fast_paths.cluster import LARGE, MANY
+from wsim.model.launches import has_large_clusters
 
 RULE = 3                  # of `choose_pass_form`; a change of it changes which form a scene takes
 THREADS = 256             # of a block, for which there are 255 registers each
@@ -214,4 +214,4 @@ def choose_pass_form(device, shapes: int) -> ContactPassForm:
 def form_by_name(name: str, device) -> ContactPassForm:
     """The form of a name with the blocks that a device has for it."""
     clusters = device.is_cuda and device.arch >= block.CLUSTERS and name in ("cluster", "launches")
-    return ContactPassForm(name, (16 if device.arch == LARGE and device.sm_count >= MANY else 8) if clusters else 1)
+    return ContactPassForm(name, (16 if has_large_clusters(device) else 8) if clusters else 1)

@@ -1,10 +1,11 @@
 """Forces and Jacobian of springs, hinges, triangles and tets at displacements d, assembled into one sparse system
 (`wsim.physics.solver.linear`) for Newton's method. Equations: kernels/solver/newton.py, kernels/cloth/hessian.py.
 
-What acts beside the forces of bodies (soft pins, contacts, the momentum of what is free) is a `Term`.
+What acts beside the forces of bodies (soft pins, contacts, the momentum of what is free) is a
+`wsim.model.ports.NewtonTerm`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import warp as wp
@@ -14,52 +15,12 @@ from wsim.kernels.cloth.constraint import DISTANCE
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton
 from wsim.model.model import Model
-from wsim.model.stage import Clock
 from wsim.model.state import SimulationState
 from wsim.physics.cloth.constraints import Constraints, apply_live_value
 from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS
 from wsim.physics.cloth.table import ConstraintTable, bending_of, constraint_tables
 from wsim.physics.solver import linear
 from wsim.scene.methods import has_tets
-
-
-class Term:
-    """A term that acts in a Newton step beside the forces of bodies. Every hook may stay as it is; all only launch kernels."""
-
-    def prepare(self, clock: Clock) -> None:
-        """Adds to own and b of a prediction."""
-
-    def press(self, clock: Clock) -> None:
-        """Looks at a d that was moved without it."""
-
-    def hold(self, g: float, fresh: bool) -> None:
-        """Acts after an assembly. fresh: of forces, not of the Newton step before."""
-
-    def solve(self, clock: Clock, tolerance: float, cap: int) -> bool:
-        """Finds the step y itself; False: it leaves that to the system's own solver."""
-        return False
-
-    def carry(self) -> None:
-        """Adds to y what the step lacks."""
-
-    def clip(self, g: float) -> None:
-        """Takes from y what is not allowed."""
-
-    def rub(self, trial, g: float, rows: int) -> None:
-        """Adds to what a line search looks at."""
-
-    def left(self, f: wp.array) -> wp.array:
-        """Forces that are not borne, of forces f, after `hold`."""
-        return f
-
-    def begin(self, clock: Clock, back: Callable[[], None], line) -> None:
-        """Acts where Newton steps begin. back: launches the way back to where the substep began; line: the line search."""
-
-    def follow(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
-        """Acts behind the scene's Newton steps of a substep. again: launches a further one; measure: the residual."""
-
-    def end(self, clock: Clock) -> None:
-        """Acts behind all Newton steps of a substep."""
 
 
 class Assembly:

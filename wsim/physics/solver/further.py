@@ -76,7 +76,7 @@ class Further:
         else:
             each_body()
         for term in self.newton.terms:
-            term.clip(clock.effective_step)
+            term.clamp_step(clock.effective_step)
         if joined:
             joined.when_near(lambda: None, lambda: self.stop_solved(clock))
         else:

@@ -7,8 +7,9 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.solver import line_search
+from wsim.model.ports import NewtonTerm
 from wsim.physics.cloth.kind import SHEET
-from wsim.physics.solver.assembly import Assembly, Term
+from wsim.physics.solver.assembly import Assembly
 
 MANY = 4096            # lanes of all bodies of a world, up to which each has one thing to look at
 
@@ -44,7 +45,7 @@ class LineSearch:
         trial.step, trial.change = self.step, self.change
         return trial
 
-    def search(self, rate: float, *passes: int, terms: Iterable[Term] = ()) -> None:
+    def search(self, rate: float, *passes: int, terms: Iterable[NewtonTerm] = ()) -> None:
         """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere. terms: what
         else Phi has."""
         m = self.assembly
@@ -55,7 +56,7 @@ class LineSearch:
             trials = {kind: both[which] for kind, both in self.trials.items()}
             launch(self.inertia, rows, [trials[""], m.A, s.d, m.b, y], [])
             for term in terms:
-                term.rub(trials[""], 1.0 / rate, rows)
+                term.extend_line_search(trials[""], 1.0 / rate, rows)
             for kind, kernel in self.elastic.items():
                 launch(kernel, rows, [trials[kind], m.tables[kind].data, s.x, s.d, a, y, rate], [])
             if m.bending:

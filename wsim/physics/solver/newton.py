@@ -24,12 +24,13 @@ import numpy as np
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton
 from wsim.model.model import Model
+from wsim.model.ports import NewtonTerm
 from wsim.model.stage import MISSED, Clock, Method, Methods, Ports, Remedy, Stage
 from wsim.model.state import SimulationState, StateField
 from wsim.model.status import FrameStatus
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.solver.assembly import Assembly, Term
+from wsim.physics.solver.assembly import Assembly
 from wsim.physics.solver.line_search import LineSearch
 from wsim.physics.solver.residual import Residual
 
@@ -53,7 +54,7 @@ class Implicit(Method):
                  rows: list[Constraints]):
         """rows: soft constraints of all bodies."""
         super().__init__("implicit")
-        self.model, self.state, self.every, self.terms = model, state, rows, list[Term]()
+        self.model, self.state, self.every, self.terms = model, state, rows, list[NewtonTerm]()
         self.assembly = own = Assembly(model, state, points, self.every, clock.h)
         self.c = own.system.zeros(model.points, types(model.real).vec3)
         state.points.take(StateField("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
@@ -120,7 +121,7 @@ class Implicit(Method):
         self.step(clock)
         if clock.i == clock.iterations - 1:
             for term in self.terms:
-                term.follow(clock, lambda: self.again(clock), lambda: self.residual.measure(clock, self.terms))
+                term.take_further_steps(clock, lambda: self.again(clock), lambda: self.residual.measure(clock, self.terms))
             beyond = clock.integrator.beyond       # one unsolved step of the midpoint can gain energy: it takes further ones
             if clock.k == clock.substeps - 1 or beyond:
                 self.residual.measure(clock, self.terms)
@@ -128,7 +129,7 @@ class Implicit(Method):
                     self.further.go(clock)
                 self.residual.say(clock)
             for term in self.terms:
-                term.end(clock)
+                term.end_solve(clock)
             self.model.launch(self.kernels["end"], self.model.points, [self.state.d, own.b], [self.c])
 
     def assemble(self, clock: Clock, first: bool) -> None:
@@ -138,7 +139,7 @@ class Implicit(Method):
         if first and own.springs:
             own.A.aside.zero_()
         for term in self.terms:
-            term.hold(clock.effective_step, fresh=first)
+            term.adjust_system(clock.effective_step, fresh=first)
 
     def again(self, clock: Clock) -> None:
         """A further Newton step."""
@@ -148,9 +149,9 @@ class Implicit(Method):
     def step(self, clock: Clock, stand: Callable[[], None] | None = None) -> None:
         """The way y of a Newton step that is assembled, and as far along it as Phi says. stand: takes y from who needs none."""
         own = self.assembly
-        if not any(term.solve(clock, TOLERANCE, CAP) for term in self.terms):
+        if not any(term.solve_step(clock, TOLERANCE, CAP) for term in self.terms):
             own.solve(own.f, TOLERANCE, CAP)
-        self.carry()
+        self.complete_step()
         if stand:
             stand()
         self.line.search(1.0 / clock.effective_step, 0, 1, terms=self.terms)
@@ -167,35 +168,35 @@ class Implicit(Method):
         own.system.count.zero_()
         own.system.drop.zero_()
         own.A.aside.fill_(newton.ASIDE)
-        self.prepare(s.d, clock)
+        self.add_prediction(s.d, clock)
         self.line.search(rate, 0)
         for term in self.terms:
-            term.press(clock)
+            term.observe_displacement(clock)
         self.stay(clock)
         self.line.search(rate, 0)
         for term in self.terms:
-            term.begin(clock, lambda: self.stay(clock), self.line)
+            term.begin_solve(clock, lambda: self.stay(clock), self.line)
 
     def stay(self, clock: Clock) -> None:
         """y becomes the way back to where the substep began."""
         s, own = self.state, self.assembly
         self.model.launch(self.kernels["stay"], self.model.points, [own.rows, s.e, s.d], [own.v.y])
-        self.carry()
+        self.complete_step()
         for term in self.terms:
-            term.clip(clock.effective_step)
+            term.clamp_step(clock.effective_step)
 
-    def prepare(self, d, clock: Clock) -> None:
+    def add_prediction(self, d, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""
         own = self.assembly
         self.model.launch(self.kernels["begin"], self.model.points, [own.rows, d, self.c, 1.0 / clock.effective_step],
                           [own.A, own.b, own.v.y])
         for term in self.terms:
-            term.prepare(clock)
+            term.add_to_prediction(clock)
 
-    def carry(self) -> None:
+    def complete_step(self) -> None:
         """y gets what it lacks of the translation of free bodies."""
         for term in self.terms:
-            term.carry()
+            term.complete_step()
 
     def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         return [Remedy("give way")] if status.said(MISSED)[0] else []

@@ -142,7 +142,7 @@ class ImplicitAdjoint(Forces):
         if contacts:
             m.linearise(1.0 / clock.effective_step)
             for term in self.method.terms:
-                term.hold(clock.effective_step, fresh=True)
+                term.adjust_system(clock.effective_step, fresh=True)
             contacts.turn(s.d, self.a, clock.effective_step, first=True)
         self.look(clock)
         wp.capture_while(self.on, lambda: self.step(clock))
@@ -207,7 +207,7 @@ class ImplicitAdjoint(Forces):
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
                              (self.y, d.grad)):
             wp.copy(into, without_gradient(source))      # a copy takes gradients along where both have them
-        self.method.prepare(b, clock)
+        self.method.add_prediction(b, clock)
         m.A.aside.zero_()
         self.forget()
         self.forces(clock)

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 import warp as wp
 
 from wsim.kernels.solver import line_search
+from wsim.model.ports import NewtonTerm
 from wsim.model.stage import MISSED, UNSOLVED, Clock
 from wsim.model.status import FrameStatus
-from wsim.physics.solver.assembly import Assembly, Term
+from wsim.physics.solver.assembly import Assembly
 
 
 class Residual:
@@ -27,13 +28,13 @@ class Residual:
             from wsim.kernels.solver.sweeps.residual import residual_verdict_kernel
             self.judge = residual_verdict_kernel(model.real, model.module)
 
-    def measure(self, clock: Clock, terms: Iterable[Term]) -> wp.array:
+    def measure(self, clock: Clock, terms: Iterable[NewtonTerm]) -> wp.array:
         """Measures what the last Newton step left of each system, by the matrix at its end, which is assembled."""
         own, f = self.assembly, self.assembly.f
         own.linearise(1.0 / clock.effective_step)
         for term in terms:
-            term.hold(clock.effective_step, fresh=True)
-            f = term.left(f)
+            term.adjust_system(clock.effective_step, fresh=True)
+            f = term.unbalanced_forces(f)
         if own.system.schwarz:
             own.system.schwarz.left(own, f, self.array)
         else:

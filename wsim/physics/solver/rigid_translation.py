@@ -6,7 +6,8 @@ import warp as wp
 
 from wsim.kernels.solver import rigid_translation as kernels
 from wsim.model.model import Model
-from wsim.physics.solver.assembly import Assembly, Term
+from wsim.model.ports import NewtonTerm
+from wsim.physics.solver.assembly import Assembly
 
 
 def sharing_groups(model: Model) -> np.ndarray:
@@ -51,13 +52,13 @@ def touching_groups(model: Model, group: np.ndarray) -> np.ndarray:
     return found if found is group else np.unique(found, return_inverse=True)[1]
 
 
-class Joined(Term):
+class Joined(NewtonTerm):
     """Momentum of bodies that push each other where they are near: each by itself elsewhere."""
 
     def __init__(self, assembly: Assembly, alone: "Momentum", joined: "Momentum | None"):
         self.assembly, self.alone, self.joined = assembly, alone, joined
 
-    def carry(self) -> None:
+    def complete_step(self) -> None:
         """Adds it to y."""
         y = self.assembly.v.y
         self.add(y, y)
@@ -70,7 +71,7 @@ class Joined(Term):
         self.assembly.system.joined.when_near(add_joined_translations, lambda: self.alone.add(y, to))
 
 
-class Momentum(Term):
+class Momentum(NewtonTerm):
     """The momentum of translation that a Newton step lacks, of each group of bodies by itself."""
 
     def __init__(self, assembly: Assembly, lanes: int, group: np.ndarray, free: np.ndarray):
@@ -87,7 +88,7 @@ class Momentum(Term):
         self.part = wp.zeros(len(group) * lanes, dtype=wp.vec4d, device=model.device)
         self.shift = wp.zeros(len(free), dtype=wp.vec3d, device=model.device)
 
-    def carry(self) -> None:
+    def complete_step(self) -> None:
         """Adds it to y."""
         y = self.assembly.v.y
         self.add(y, y)

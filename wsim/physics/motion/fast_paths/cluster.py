@@ -5,16 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-LARGE, MANY = 90, 64   # compute capability and multiprocessors on which clusters of 16 blocks were run; 8 fit everywhere
 THREADS, ENTRIES, PUSHES = 512, 16, 4      # of a block at most; springs and places of a lane, for which there are registers
 FULL = {4: 12, 8: 6}   # springs of a lane for which blocks of THREADS have registers, by bytes of a number
 ENOUGH, SHORT = 128, 6 # threads of a block that keep four schedulers at work; springs that a lane takes without much delay
 ROOM = 49152 - 64      # bytes of shared memory beside the barriers
-
-
-def has_large_clusters(device) -> bool:
-    """True if clusters of 16 blocks were run on such a device."""
-    return device.arch == LARGE and device.sm_count >= MANY
 
 
 @dataclass(frozen=True)

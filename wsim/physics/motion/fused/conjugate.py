@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.physics.motion.fast_paths.cluster import LARGE, MANY, THREADS
+from wsim.model.launches import LARGE, has_large_clusters
+from wsim.physics.motion.fast_paths.cluster import THREADS
 
 if TYPE_CHECKING:
     from wsim.kernels.motion.fused.conjugate import PcgCluster
@@ -23,7 +24,7 @@ def pcg_cluster_for(model: Model, n: int, systems: int, most: int) -> PcgCluster
     device = model.device
     if not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE:
         return None
-    size = 16 if device.arch == LARGE and device.sm_count >= MANY else 8
+    size = 16 if has_large_clusters(device) else 8
     return None if systems * size > device.sm_count else plan_pcg_cluster(n, most, size, np.dtype(model.dtype).itemsize)
 
 

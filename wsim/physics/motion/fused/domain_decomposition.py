@@ -22,9 +22,9 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.fused.domain_decomposition import LISTS, sheet_patch_table
 from wsim.kernels.motion.fused.tet_elements import STRESS
 from wsim.kernels.soft import fem
+from wsim.model.launches import LARGE, has_large_clusters
 from wsim.model.structs import fill_struct
 from wsim.physics.cloth.elements import CornerElements
-from wsim.physics.motion.fast_paths.cluster import LARGE, MANY
 from wsim.physics.motion.fused.plan import FOUR, BlockPlan
 from wsim.physics.soft.fem import Tetrahedra
 from wsim.scene import Surface
@@ -160,7 +160,7 @@ def packed_corners(corners: np.ndarray) -> np.ndarray:
 
 def blocks_of(device, points: int, limited: bool) -> list[int]:
     """Blocks to try: a cluster, then a grid of no more than there are multiprocessors. limited: there are strain limits."""
-    cluster = 16 if device.arch == LARGE and device.sm_count >= MANY else 8
+    cluster = 16 if has_large_clusters(device) else 8
     return [cluster] * (points <= few_block_points(limited) * cluster) + [1 << device.sm_count.bit_length() - 1]
 
 

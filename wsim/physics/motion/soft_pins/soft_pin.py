@@ -1,14 +1,21 @@
 """Soft pins within a Newton step (`wsim.physics.solver.newton`). Equations: kernels/motion/soft_pins/soft_pin.py."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wsim.geometry import topology
 from wsim.kernels.motion.soft_pins.soft_pin import pin_stiffness_kernel
+from wsim.model.ports import NewtonTerm
 from wsim.model.stage import Clock
-from wsim.physics.solver.assembly import Assembly, Term
+
+if TYPE_CHECKING:
+    from wsim.physics.solver.assembly import Assembly
 
 
-class NewtonSoftPins(Term):
+class NewtonSoftPins(NewtonTerm):
     """first, item: of each point that a pin pulls, which ones do; none is there without."""
 
     def __init__(self, assembly: Assembly, pins):
@@ -18,7 +25,7 @@ class NewtonSoftPins(Term):
         first, item = topology.incident_rows(pins.place["soft"].numpy()[:, None], model.points)
         self.first, self.item = (model.upload(values.astype(np.int32), int) for values in (np.unique(first), item))
 
-    def prepare(self, clock: Clock) -> None:
+    def add_to_prediction(self, clock: Clock) -> None:
         """Their part of own and b."""
         m = self.assembly
         m.model.launch(self.kernel, self.first.size - 1,

@@ -3,9 +3,9 @@
 import warp as wp
 
 from wsim.kernels.rigid.touch import lean
+from wsim.model.ports import NewtonTerm
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import StateField
-from wsim.physics.solver.assembly import Term
 from wsim.physics.solver.rigid_translation import momentum_term
 
 KEPT = (StateField("J", "N s", True, "impulse that points had of a body in the last substep (Newton's method)"),
@@ -18,7 +18,7 @@ STEPS = 32               # Newton steps in a substep, at most
 
 
 
-class ForeseenBodies(Term):
+class ForeseenBodies(NewtonTerm):
     """The places where bodies will be when a Newton step is done."""
 
     def __init__(self, touch, assembly, lanes: int):
@@ -34,7 +34,7 @@ class ForeseenBodies(Term):
     def run(self, name: str, dim: int, inputs: list, outputs: list) -> None:
         self.touch.model.launch(self.kernels[name], dim, inputs, outputs)
 
-    def hold(self, g: float, fresh: bool) -> None:
+    def adjust_system(self, g: float, fresh: bool) -> None:
         """Keeps the blocks before contacts filter them."""
         self.touch.model.copy(self.P, self.assembly.A.P)
 

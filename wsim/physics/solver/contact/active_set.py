@@ -7,11 +7,12 @@ import warp as wp
 
 from wsim.kernels.solver.contact import active_set as kernels
 from wsim.kernels.solver.contact import friction
+from wsim.model.ports import NewtonTerm
 from wsim.model.stage import Clock
-from wsim.physics.solver.assembly import Assembly, Term
+from wsim.physics.solver.assembly import Assembly
 
 
-class ActiveSet(Term):
+class ActiveSet(NewtonTerm):
     """Contacts as a term of Newton steps (`wsim.physics.solver.newton`)."""
 
     def __init__(self, assembly: Assembly, contacts):
@@ -45,12 +46,12 @@ class ActiveSet(Term):
         self.held.push = c.push                          # another array where there was not enough room
         return [c.table, c.points, c.slots]
 
-    def hold(self, g: float, fresh: bool) -> None:
+    def adjust_system(self, g: float, fresh: bool) -> None:
         """Updates the active set after an assembly. fresh: of forces, not of the Newton step before."""
         m = self.assembly
         self.run("hold", [*self.tables, self.at(g), int(fresh), m.f], [m.A, self.held])
 
-    def solve(self, clock: Clock, tolerance: float, cap: int) -> bool:
+    def solve_step(self, clock: Clock, tolerance: float, cap: int) -> bool:
         """The way y of a Newton step, which ends outside of colliders."""
         m, held = self.assembly, self.held
         self.run("remain", [m.rows, self.A, held.start, held.f, held.f, held.f], [self.r])
@@ -58,7 +59,7 @@ class ActiveSet(Term):
         m.system.solve(self.r, tolerance, cap, (m.state.x, m.state.d), self.A)
         self.run("remain", [m.rows, self.A, m.v.y, m.f, self.r, held.f], [self.r])
         self.without(m.v.y)
-        self.clip(clock.effective_step, solved=True)
+        self.clamp_step(clock.effective_step, solved=True)
         return True
 
     def without(self, z: wp.array) -> None:
@@ -66,23 +67,23 @@ class ActiveSet(Term):
         if joined := self.assembly.system.joined:
             joined.subtract(z, self.r)
 
-    def left(self, f: wp.array) -> wp.array:
+    def unbalanced_forces(self, f: wp.array) -> wp.array:
         """Forces that planes do not bear [N]."""
         return self.held.f
 
-    def clip(self, g: float, solved: bool = False) -> None:
+    def clamp_step(self, g: float, solved: bool = False) -> None:
         """Cuts the way y to what colliders leave of it."""
         m = self.assembly
         slots = self.tables[-1]
         self.run("clip", [slots, self.at(g), int(solved), m.A, self.held, self.r, m.v.y], [m.v.y])
 
-    def rub(self, trial, g: float, rows: int) -> None:
+    def extend_line_search(self, trial, g: float, rows: int) -> None:
         """Adds friction to what a line search looks at."""
         m = self.assembly
         c = self.contacts
         self.run("rub", [trial, c.slots, m.A.own, c.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
 
-    def press(self, clock: Clock, g: float = 0.0) -> None:
+    def observe_displacement(self, clock: Clock, g: float = 0.0) -> None:
         """Presses d out of colliders, where it was moved without a look at contacts. g [s]: that of d, if it is another."""
         m, g = self.assembly, g or clock.effective_step
         self.run("press", [*self.tables, g, m.points.anchor], [m.state.d, self.contacts.push])

@@ -13,9 +13,10 @@ from wsim.kernels.contact.selfcontact.newton import law as laws
 from wsim.kernels.contact.selfcontact.newton import solve as solution
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import line_search, pcg
+from wsim.model.ports import NewtonTerm
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.selfcontact.modules import NEWTON, NEWTON_WORDS, newton_contact_module
-from wsim.physics.solver.assembly import Assembly, Term
+from wsim.physics.solver.assembly import Assembly
 from wsim.physics.solver.linear import EACH
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ MOST = 12              # further Newton steps of a substep, at most, while rows 
 SOLVED = 0.005         # residual of a substep: what is left is what friction errs by, and what rigid bodies are pushed by
 
 
-class NewtonContactRows(Term):
+class NewtonContactRows(NewtonTerm):
     """words: see kernels/contact/selfcontact/newton/law.py. again: the step to come is a further one; looks: none is to
     come."""
 
@@ -78,7 +79,7 @@ class NewtonContactRows(Term):
 
     # around a Newton step
 
-    def hold(self, g: float, fresh: bool) -> None:
+    def adjust_system(self, g: float, fresh: bool) -> None:
         """Pushes at d, in f and in the diagonal blocks."""
         self.now(g)
         act, self.again = laws.RENEW if self.again else laws.LOOK if self.looks else laws.PRESS, False
@@ -112,14 +113,14 @@ class NewtonContactRows(Term):
     def renew(self, act: int) -> None:
         self.over_rows("renew", [*self.given, act, self.threads, self.law], [self.words])
 
-    def rub(self, trial: Any, g: float, lanes: int) -> None:
+    def extend_line_search(self, trial: Any, g: float, lanes: int) -> None:
         """Adds psi to what a line search looks at."""
         def add_search_energy() -> None:
             self.over_rows("change", [*self.given, trial.begin, trial.end, self.threads, self.assembly.v.y, self.law], [])
             self.model.launch(self.kernels["tell"], (self.model.worlds, laws.PARTS), [self.law, trial, self.systems], [])
         self.when_near(add_search_energy)
 
-    def begin(self, clock: Clock, back: Callable[[], None], line: Any) -> None:
+    def begin_solve(self, clock: Clock, back: Callable[[], None], line: Any) -> None:
         """d goes back to where the substep began, if Phi with psi is less there."""
         def compare_start_energy() -> None:
             self.assembly.linearise(1.0 / clock.effective_step)
@@ -135,7 +136,7 @@ class NewtonContactRows(Term):
         self.now(clock.effective_step)
         self.when_near(compare_start_energy)
 
-    def follow(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
+    def take_further_steps(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
         """Behind the Newton steps of a substep: further ones while a row is wrong, or the residual above `most_left`."""
         self.words.zero_()
         self.when_near(lambda: self.check(0, measure))
@@ -162,7 +163,7 @@ class NewtonContactRows(Term):
         self.looks = False
         self.model.launch(self.kernels["count"], 1, [left, bound, steps, MOST], [self.words])
 
-    def end(self, clock: Clock) -> None:
+    def end_solve(self, clock: Clock) -> None:
         """Pushes that a substep ends with."""
         def store_final_pushes() -> None:
             self.method.borrow()

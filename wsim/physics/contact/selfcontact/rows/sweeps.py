@@ -10,9 +10,9 @@ from wsim.kernels.contact.selfcontact import rows
 from wsim.kernels.contact.selfcontact.moment_correction import held_type
 from wsim.kernels.math.block import CLUSTERS
 from wsim.kernels.math.real import types
+from wsim.model.launches import has_large_clusters
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.selfcontact.modules import contact_sweep_module
-from wsim.physics.motion.fast_paths.cluster import has_large_clusters
 
 if TYPE_CHECKING:
     from wsim.model.stage import Clock
