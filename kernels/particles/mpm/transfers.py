@@ -158,7 +158,7 @@ def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module, tiles: bool = F
             world = int(g.key[b] >> wp.int64(3 * g.bits))
             v = t.vec3(sum[0], sum[1], sum[2]) / sum[3] + clock[0] * materials.gravity[world]
             if wp.static(walls):
-                v, near = wall.hold_node(c, wall.node_place(g, b, n % CELLS), v, clock[0] + clock[1], g.dx)
+                v, near = wall.hold_node(c, g, b, n % CELLS, v, clock[0] + clock[1])
         node_out[n] = t.vec4(v[0], v[1], v[2], near)
 
     return wp.kernel(move_nodes, name=f"mpm_move_nodes_{'_'.join(kinds)}_{'cpu_' * cpu}{'tiles_' * tiles}{t.name}",

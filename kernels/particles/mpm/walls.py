@@ -1,5 +1,5 @@
-"""Colliders in the material point method: nodes within one keep its velocity along its normal, with Coulomb friction on what
-they press; and a particle's way ends at the first hit, or slides on along the wall.
+"""Colliders in the material point method: nodes within one keep its velocity along the normals of the faces that matter touches
+(faces.py), with Coulomb friction on what they press; and a particle's way ends at the first hit, or slides on along the wall.
 
     dv = -min((v - u) . n, 0);   tangential velocity relative to the wall w: 0 where |w| <= mu_s dv, else w (1 - mu_d dv / |w|)
 """
@@ -15,10 +15,10 @@ from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.faces import HALF, face_functions
 from wsim.kernels.particles.mpm.tables import point_tables
 
 ON = wp.constant(0.01)             # cells: nodes so near are within
-HALF = wp.constant(0.5)            # of an open mesh, which has no inside
 NEAR = wp.constant(3.0)            # cells: particles at nodes that are further from all colliders reach none in a step
 SKIN = wp.constant(0.01)           # cells that a particle keeps from a collider
 OFF = wp.constant(0.05)            # of the skin: a wall is left by so much, so that rounding meets it no second time
@@ -27,10 +27,10 @@ SLIDES = wp.constant(2)            # walls that a particle may slide along in a 
 
 @cache
 def wall_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
-    """node_place(grid, block, cell) [m]; hold_node(colliders, place, v, time, dx) -> (v, 1 where a collider is near);
+    """node_place(grid, block, cell) [m]; hold_node(colliders, grid, block, cell, v, time) -> (v, 1 where a collider is near);
     stop_particle(colliders, place [cells], way [cells], v, time, h, dx) -> (way, v)."""
     t, T, Colliders = types(real), point_tables(real), collider_type(real)
-    ask = collider_queries(kinds or ("sphere",), real)
+    ask, faces = collider_queries(kinds or ("sphere",), real), face_functions(kinds, real)
 
     @wp.func
     def node_place(g: T.BlockGrid, b: int, c: int):
@@ -44,21 +44,33 @@ def wall_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return g.dx * t.vec3(real(x), real(y), real(z))
 
     @wp.func
-    def hold_node(c: Colliders, y: t.vec3, v: t.vec3, time: real, dx: real):
+    def meets_node(c: Colliders, y: t.vec3, time: real, dx: real):
+        """Whether a node is within a collider, and 1 where one is near."""
         near = real(0.0)
-        held = v
+        met = bool(False)
         for k in range(c.kind.shape[0]):
-            phi, n, p = ask.closest(c, k, y, time)
+            phi = ask.signed(c, k, y, time)
             if phi < real(NEAR) * dx:
                 near = real(1.0)
             inside = real(ON) * dx
             if c.kind[k] == SHEET:
                 inside = real(HALF) * dx
-            if phi <= inside:
+            met = met or phi <= inside
+        return met, near
+
+    @wp.func
+    def hold_node(c: Colliders, g: T.BlockGrid, b: int, cell: int, v: t.vec3, time: real):
+        y = node_place(g, b, cell)
+        met, near = meets_node(c, y, time, g.dx)
+        held = v
+        if met:
+            side = faces.matter_side(g, b, cell)
+            for k in range(c.kind.shape[0]):
+                holds, n, p = faces.holding_face(c, k, y, side, time, g.dx, real(ON))
                 u = ask.rate(c, k, y, time)
                 w = held - u
                 press = -wp.dot(w, n)
-                if press > real(0.0):
+                if holds and press > real(0.0):
                     w += press * n
                     speed = wp.length(w)
                     rub = c.friction[k]
@@ -105,4 +117,4 @@ def wall_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
             gone += last
         return gone / dx, slow
 
-    return SimpleNamespace(node_place=node_place, hold_node=hold_node, stop_particle=stop_particle)
+    return SimpleNamespace(node_place=node_place, meets_node=meets_node, hold_node=hold_node, stop_particle=stop_particle)

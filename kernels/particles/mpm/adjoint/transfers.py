@@ -28,7 +28,6 @@ from wsim.kernels.particles.mpm.cpu.vectors import vector_transfers
 from wsim.kernels.particles.mpm.spline import spline_rows
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_function
-from wsim.kernels.particles.mpm.walls import wall_functions
 
 
 @cache
@@ -112,7 +111,7 @@ def node_kernels(kinds: tuple[str, ...], gathers: bool, real, module) -> SimpleN
     """Kernels over nodes of all blocks. keep_momentum: momentum [kg m/s] and mass [kg], also into `node_out`; gathers: from
     sums of cells, else from what `node_out` holds. node_back: u* becomes Q* and m*."""
     t, T, Colliders = types(real), point_tables(real), collider_type(real)
-    gather, wall, slopes, walls = node_function(real), wall_functions(kinds, real), wall_slopes(kinds, real), bool(kinds)
+    gather, slopes, walls = node_function(real), wall_slopes(kinds, real), bool(kinds)
 
     def keep_momentum(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), momentum_out: wp.array(dtype=t.vec4),
                       node_out: wp.array(dtype=t.vec4)):
@@ -139,8 +138,7 @@ def node_kernels(kinds: tuple[str, ...], gathers: bool, real, module) -> SimpleN
             v = t.vec3(sum[0], sum[1], sum[2]) / sum[3]
             if wp.static(walls):
                 world = int(g.key[b] >> wp.int64(3 * g.bits))
-                D = slopes.held_slope(c, wall.node_place(g, b, n % CELLS), v + clock[0] * materials.gravity[world],
-                                      clock[0] + clock[1], g.dx)
+                D = slopes.held_slope(c, g, b, n % CELLS, v + clock[0] * materials.gravity[world], clock[0] + clock[1])
                 a = wp.transpose(D) * a
             a = a / sum[3]
             found = t.vec4(a[0], a[1], a[2], -wp.dot(a, v))

@@ -20,33 +20,34 @@ import warp as wp
 
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
-from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.mpm.walls import HALF, OFF, ON, SKIN, SLIDES
+from wsim.kernels.particles.mpm.faces import face_functions
+from wsim.kernels.particles.mpm.tables import point_tables
+from wsim.kernels.particles.mpm.walls import OFF, ON, SKIN, SLIDES, wall_functions
 
 
 @cache
 def wall_slopes(kinds: tuple[str, ...], real) -> SimpleNamespace:
-    """held_slope(colliders, place, v, time, dx) -> d held / dv;  stopped_slopes(colliders, place [cells], way [cells], v, time,
-    h, dx) -> derivatives of the way with respect to the place and the way, (3, 6), and of the velocity to itself."""
-    t, Colliders = types(real), collider_type(real)
-    ask = collider_queries(kinds or ("sphere",), real)
+    """held_slope(colliders, grid, block, cell, v, time) -> d held / dv;  stopped_slopes(colliders, place [cells], way [cells],
+    v, time, h, dx) -> derivatives of the way with respect to the place and the way, (3, 6), and of the velocity to itself."""
+    t, T, Colliders = types(real), point_tables(real), collider_type(real)
+    ask, wall, faces = collider_queries(kinds or ("sphere",), real), wall_functions(kinds, real), face_functions(kinds, real)
     mat36, vec6 = wp.types.matrix((3, 6), real), wp.types.vector(6, real)
 
     @wp.func
-    def held_slope(c: Colliders, y: t.vec3, v: t.vec3, time: real, dx: real):
+    def held_slope(c: Colliders, g: T.BlockGrid, b: int, cell: int, v: t.vec3, time: real):
+        y = wall.node_place(g, b, cell)
+        met, near = wall.meets_node(c, y, time, g.dx)
         held = v
         D = wp.identity(n=3, dtype=real)
-        for k in range(c.kind.shape[0]):
-            phi, n, p = ask.closest(c, k, y, time)
-            inside = real(ON) * dx
-            if c.kind[k] == SHEET:
-                inside = real(HALF) * dx
-            if phi <= inside:
+        if met:
+            side = faces.matter_side(g, b, cell)
+            for k in range(c.kind.shape[0]):
+                holds, n, p = faces.holding_face(c, k, y, side, time, g.dx, real(ON))
                 u = ask.rate(c, k, y, time)
                 w = held - u
                 press = -wp.dot(w, n)
-                if press > real(0.0):
+                if holds and press > real(0.0):
                     w += press * n
                     speed = wp.length(w)
                     rub = c.friction[k]

@@ -19,8 +19,12 @@ from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.coupling.impulses import impulse_functions
 from wsim.kernels.particles.mpm.coupling.tables import push_tables
-from wsim.kernels.particles.mpm.walls import HALF, NEAR, OFF, SKIN, SLIDES
+from wsim.kernels.particles.mpm.faces import BEYOND, HALF, face_functions
+from wsim.kernels.particles.mpm.tables import CELLS, point_tables
+from wsim.kernels.particles.mpm.walls import NEAR, OFF, SKIN, SLIDES, wall_functions
 
+HELD = wp.constant(0.75)           # cells: nodes so near are within. Half a cell more than GAP: on the mean over places of
+                                   # nodes the grid then moves as the surface where the outermost particles are
 GAP = wp.constant(0.25)            # cells that a particle keeps from what it pushes: half of the way to the next particle,
                                    # so that a body displaces its own volume
 
@@ -30,15 +34,16 @@ FAR = wp.constant(8.0)             # cells: meshes that nodes have met are neare
 
 @cache
 def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
-    """push_node(walls, world, y, v, m, clock, share) -> (v, 1 where something is near, what meshes took of v); sense_node
+    """push_node(walls, grid, node, world, v, m, clock) -> (v, 1 where something is near, what meshes took of v); sense_node
     alike adds what the bodies' response needs; push_particle(walls, world, y, way, v, what meshes took of v at nodes and mass,
     clock, share) -> (way, v). Lengths [m].
 
     What nodes lose to a mesh, their particles lose: each gives its part to what is nearest to it, so that points of the mesh
     which take an impulse are those that carry its particles (surfaces.py)."""
-    t, tables = types(real), push_tables(real)
+    t, T, tables = types(real), point_tables(real), push_tables(real)
     meshes = "forming" in kinds
     ask, give = collider_queries(kinds, real), impulse_functions(kinds, real)
+    wall, faces = wall_functions(kinds, real), face_functions(kinds, real)
 
     @wp.func
     def meets_world(w: tables.Walls, k: int, world: int):
@@ -76,43 +81,65 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return taker
 
     @wp.func
-    def sense_node(w: tables.Walls, world: int, y: t.vec3, v: t.vec3, m: real, clock: wp.array(dtype=real), share: int):
+    def meets_node(w: tables.Walls, world: int, y: t.vec3, time: real):
+        """Whether a node is within something, 1 where something is near, and whether a body is so near that it may press."""
+        near = real(0.0)
+        body = bool(False)
+        met = bool(False)
+        for k in range(w.table.kind.shape[0]):
+            if meets_world(w, k, world):
+                phi = ask.signed(w.table, k, y, time)
+                if phi < real(NEAR) * w.pushed.dx:
+                    near = real(1.0)
+                inside = real(HELD) * w.pushed.dx
+                if w.table.kind[k] == SHEET:
+                    inside = real(HALF) * w.pushed.dx
+                met = met or phi <= inside
+                body = body or (phi < real(BEYOND) * w.pushed.dx and w.table.owner[k] >= 0)
+        return met, near, body
+
+    @wp.func
+    def sense_node(w: tables.Walls, g: T.BlockGrid, n: int, world: int, v: t.vec3, m: real, clock: wp.array(dtype=real)):
+        y = wall.node_place(g, n // CELLS, n % CELLS)
+        met, near, body = meets_node(w, world, y, clock[1])
+        if not (met and body):
+            return
+        side = faces.matter_side(g, n // CELLS, n % CELLS)
         held = v
         for k in range(w.table.kind.shape[0]):
             if meets_world(w, k, world):
-                phi, n, p = ask.closest(w.table, k, y, clock[1])
-                if phi <= real(GAP) * w.pushed.dx:
+                holds, normal, p = faces.holding_face(w.table, k, y, side, clock[1], w.pushed.dx, real(HELD))
+                if holds:
                     taker = taking_row(w, k, world, p, clock[1])
                     u = ask.rate(w.table, taker, y, clock[1])
-                    out, bound = press_node(w, taker, n, u, held)
+                    out, bound = press_node(w, taker, normal, u, held)
                     if bound >= real(0.0) and w.table.owner[taker] >= 0:
-                        K = m * (bound * wp.identity(n=3, dtype=real) + (real(1.0) - bound) * wp.outer(n, n))
-                        give.add_response(w, w.table.owner[taker], y, K, held, clock[0], share)
+                        K = m * (bound * wp.identity(n=3, dtype=real) + (real(1.0) - bound) * wp.outer(normal, normal))
+                        give.add_response(w, w.table.owner[taker], y, K, held, clock[0], n % w.pushed.sums.shape[0])
                     held = out
 
     @wp.func
-    def push_node(w: tables.Walls, world: int, y: t.vec3, v: t.vec3, m: real, clock: wp.array(dtype=real), share: int):
-        near = real(0.0)
+    def push_node(w: tables.Walls, g: T.BlockGrid, n: int, world: int, v: t.vec3, m: real, clock: wp.array(dtype=real)):
+        y = wall.node_place(g, n // CELLS, n % CELLS)
         held = v
         lost = t.vec3()
-        for k in range(w.table.kind.shape[0]):
-            if meets_world(w, k, world):
-                phi, n, p = ask.closest(w.table, k, y, clock[1])
-                if phi < real(NEAR) * w.pushed.dx:
-                    near = real(1.0)
-                inside = real(GAP) * w.pushed.dx
-                if w.table.kind[k] == SHEET:
-                    inside = real(HALF) * w.pushed.dx
-                if phi <= inside:
-                    taker = taking_row(w, k, world, p, clock[1])
-                    u = ask.rate(w.table, taker, y, clock[1])
-                    out, bound = press_node(w, taker, n, u, held)
-                    if bound >= real(0.0):
-                        if w.table.owner[taker] >= 0:
-                            give.give_body(w, w.table.owner[taker], y, m * (held - out), t.vec3(), clock[0], share)
-                        elif w.pushed.first[k] >= 0:
-                            lost += held - out
-                    held = out
+        met, near, body = meets_node(w, world, y, clock[1])
+        if met:
+            side = faces.matter_side(g, n // CELLS, n % CELLS)
+            for k in range(w.table.kind.shape[0]):
+                if meets_world(w, k, world):
+                    holds, normal, p = faces.holding_face(w.table, k, y, side, clock[1], w.pushed.dx, real(HELD))
+                    if holds:
+                        taker = taking_row(w, k, world, p, clock[1])
+                        u = ask.rate(w.table, taker, y, clock[1])
+                        out, bound = press_node(w, taker, normal, u, held)
+                        if bound >= real(0.0):
+                            if w.table.owner[taker] >= 0:
+                                give.give_body(w, w.table.owner[taker], y, m * (held - out), t.vec3(), clock[0],
+                                               n % w.pushed.sums.shape[0])
+                            elif w.pushed.first[k] >= 0:
+                                lost += held - out
+                        held = out
         return held, near, lost
 
     @wp.func

@@ -12,7 +12,6 @@ from wsim.kernels.particles.mpm.coupling.tables import push_tables
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import gather_function, node_function
-from wsim.kernels.particles.mpm.walls import wall_functions
 
 
 @cache
@@ -21,7 +20,7 @@ def push_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real,
     step and 1 where something is near; push_particles over rows of the order, when they have moved. clock: h, time [s]."""
     t, T, tables = types(real), point_tables(real), push_tables(real)
     gather_velocity, meshes = gather_function(cpu, real), "forming" in kinds
-    gather, place = node_function(real), wall_functions(kinds, real).node_place
+    gather = node_function(real)
     meet, local = contact_functions(kinds, real), block_functions(real).local_cell
     shift = motion_functions(laws, real).shift_particle
 
@@ -45,7 +44,7 @@ def push_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real,
         sum = node[n]
         if sum[3] > real(0.0):
             world, v = free_velocity(g, materials, n, sum, clock[0])
-            meet.sense_node(w, world, place(g, b, n % CELLS), v, sum[3], clock, n % w.pushed.sums.shape[0])
+            meet.sense_node(w, g, n, world, v, sum[3], clock)
 
     def push_nodes(g: T.BlockGrid, materials: T.MaterialRows, w: tables.Walls, clock: wp.array(dtype=real),
                    node: wp.array(dtype=t.vec4), node_out: wp.array(dtype=t.vec4), lost_out: wp.array(dtype=t.vec4)):
@@ -59,7 +58,7 @@ def push_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real,
         near = real(0.0)
         if sum[3] > real(0.0):
             world, free = free_velocity(g, materials, n, sum, clock[0])
-            v, near, lost = meet.push_node(w, world, place(g, b, n % CELLS), free, sum[3], clock, n % w.pushed.sums.shape[0])
+            v, near, lost = meet.push_node(w, g, n, world, free, sum[3], clock)
         node_out[n] = t.vec4(v[0], v[1], v[2], near)
         if wp.static(meshes):
             lost_out[n] = t.vec4(lost[0], lost[1], lost[2], wp.length_sq(lost))

@@ -13,9 +13,10 @@ from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.faces import HALF
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_function
-from wsim.kernels.particles.mpm.walls import HALF, NEAR, ON, wall_functions
+from wsim.kernels.particles.mpm.walls import NEAR, ON, wall_functions
 
 OUTSIDE, FREE, SLIDES, STICKS = -1.0, 0.0, 1.0, 2.0    # of a node: outside of colliders, not pressed, pressed, between two
 
