@@ -212,16 +212,14 @@ class Simulation(Readings):
     # reading and setting
 
     def positions(self, path: str | None = None, world: int = 0, device: bool = False):
-        """World positions [m] of points of a body, of rods or of hairs that follow them, float64, (n, 3), in the author's
-        order.
+        """World positions [m] of points of a body, of rods or of followers, float64, (n, 3), in the author's order.
         device=True, of bodies alone: (array of all points on the device in solver order, relative to the body's origin,
-        index table); no copy is made and nothing is waited for.
-        """
+        index table); no copy is made and nothing is waited for."""
         from wsim.simulation import record
         return record.positions_of_path(self, path, world, device)
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
-        """Velocities [m/s] of points, (n, 3), as `positions`."""
+        """Velocities [m/s] of points, (n, 3), as `positions`; masses in this order: `model.body(path).point_masses` [kg]."""
         from wsim.simulation import record
         return record.velocities_of_path(self, path, world, device)
 
@@ -235,20 +233,24 @@ class Simulation(Readings):
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: "int | Sequence[int] | None" = None) -> None:
-        """Sets a live value, from the next frame on, without rebuilding, of one world, of all (None), or one each of a list.
+        """Sets a value in SI units, from the next frame on, as in `sim.set("/", "wind", (6, 0, 0))`: of the object at a path
+        ("/": the scene), in one world, in all (None), or a list of worlds with a value each. Numbers and vectors may be Curves.
 
-        Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
-        shear, bend, damping, strain_limit (if finite), poisson (of the model "membrane") of a cloth; stiffness of springs;
-        young, poisson, damping, pressure, yield_strain of a soft body (the last three where not 0 at the start); density of a
-        cloth or soft body whose masses follow it; young, poisson, density, viscosity, bulk, exponent, friction_angle, cohesion,
-        compression_limit, tension_limit, hardening of material points; mass of springs; rest_shape [m] of a body, lengths [m]
-        of springs; actuation of springs with muscles (a Curve, or its values); force or traction of a load (as actuation, or
-        one (3,)); static_friction, dynamic_friction of a body or a collider; thickness, restitution of a collider (where one
-        throws back at the start); motion (rigid) of a pin or collider; positions, velocities (world, author's order) of a body;
-        velocity, spin, force, torque, drag, spin_drag, mass, inertia of a rigid one, friction, restitution of its colliders;
-        stiffness, damping, target, speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity,
-        side_velocities, acceleration of a fluid; smoke, temperature, expansion, strength, place of a source. Values are copied;
-        a number or vector may be a Curve. Raises SceneError, changing nothing, where no scene takes it (`counts.MOST`)."""
+        "/"           gravity, wind, air_drag
+        cloth         stretch, weft, shear, bend, damping, strain_limit (if finite), poisson (of the model "membrane"), density
+        springs       stiffness, mass, lengths [m], actuation of muscles (a Curve, or its values)
+        soft body     young, poisson, density; damping, pressure, yield_strain (where not 0 at the start)
+        each of them  positions, velocities (world, author's order), rest_shape [m], static_friction, dynamic_friction
+        rigid body    velocity, spin, force, torque, drag, spin_drag, mass, inertia; friction, restitution of its colliders
+        joint         stiffness, damping, target, speed of its drives
+        collider      motion (rigid), static_friction, dynamic_friction, thickness, restitution (where not 0 at the start)
+        pin, load     motion of a pin; force or traction of a load: (3,), or as actuation
+        fluid         lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities, acceleration
+        source        smoke, temperature, expansion, strength, place
+        MPM           young, poisson, density, viscosity, bulk, exponent, friction_angle, cohesion, compression_limit,
+                      tension_limit, hardening
+
+        `wsim.scene.values.table` has units and bounds. Raises SceneError, and changes nothing, where nothing takes it."""
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)
