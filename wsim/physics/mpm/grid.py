@@ -53,7 +53,8 @@ class SparseGrid:
         self.module = module = model.module_of(BLOCK) if self.cuda else model.module
         real, kinds = model.real, colliders.kinds if colliders else ()
         self.real, self.tables = real, point_tables(real)
-        self.by_block, self.by_step = block_kernels(real, module, bool(flow)), step_kernels(laws, real, module, bool(flow))
+        self.by_step = step_kernels(laws, real, module, bool(flow))
+        self._make_sorting()
         self.measure_energy = energy_kernel(laws, real, module)
         self._make_kernels(laws, kinds)
         self.solve_word: Any = None            # of the frame's status, where steps are solved for
@@ -76,6 +77,10 @@ class SparseGrid:
         kept = count if self.gathers else 0
         self.rows = fill_struct(self.tables.SortedRows, **{name: self.zeros(kept, types(self.real).vec4) for name in "mxyz"})
         self.make_room(blocks)
+
+    def _make_sorting(self) -> None:
+        """Kernels that sort particles."""
+        self.by_block = block_kernels(self.real, self.module, bool(self.flow))
 
     def _make_kernels(self, laws: tuple[str, ...], kinds: tuple[str, ...]) -> None:
         """Kernels of a step."""

@@ -57,16 +57,21 @@ class TileGrid(SparseGrid):
 
     sent: tuple = None, None               # key and launch of the last frame
 
+    def _make_sorting(self) -> None:
+        self.whole = TEAM and not self.model.gradients
+        if not self.whole:
+            super()._make_sorting()
+
     def _make_kernels(self, laws: tuple[str, ...], kinds: tuple[str, ...]) -> None:
         real, module = self.real, self.module
         self.names, self.queue = (kinds, laws), self.zeros(QUEUES, int)
-        self.whole = TEAM and not self.model.gradients
         threads = max(1, min(count_cores(), MOST_THREADS, self.count // SHARE)) if self.whole else 1
         self.team = StepTeam(self.model, np.zeros((threads, 4), int))
-        self.sort_momentum = sorted_kernels(real, module).scatter_momentum           # to nodes, for derivatives
-        self.by_owner = block_step_kernels(kinds, laws, real, module)
-        self.move_nodes = node_kernel(kinds, False, real, module, True)
         self.take_steps: Any = None
+        if not self.whole:                                     # none is compiled for nothing
+            self.sort_momentum = sorted_kernels(real, module).scatter_momentum       # to nodes, for derivatives
+            self.by_owner = block_step_kernels(kinds, laws, real, module)
+            self.move_nodes = node_kernel(kinds, False, real, module, True)
 
     def complete_kernels(self) -> None:
         if self.whole:
