@@ -45,6 +45,7 @@ class SparseGrid:
 
     shift = 0.0            # of nodes from multiples of dx of the world [cells]
     waves = True           # steps are as short as waves need
+    least_blocks = 64      # that there is room for beside those at the start; on a GPU their threads are launched, and end
 
     def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int,
                  flow: Any = None):

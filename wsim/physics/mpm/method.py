@@ -20,14 +20,7 @@ from wsim.physics.mpm.coupling.choice import signature as signature
 from wsim.physics.mpm.grid import MORE
 from wsim.physics.mpm.measure import find_crowd, find_fastest, particle_sample
 from wsim.physics.mpm.memory import refuse_large_bodies
-from wsim.physics.mpm.seeding import (
-    PlacedPoints,
-    count_blocks,
-    locality_order,
-    nearest_nodes,
-    place_particles,
-    place_poured,
-)
+from wsim.physics.mpm.seeding import PlacedPoints, count_blocks, locality_order, nearest_nodes, place_particles, place_poured
 from wsim.physics.mpm.sources.flow import MaterialFlow, fit_restored_rows, reserve_further_rows
 from wsim.scene.samples import Sample
 
@@ -53,7 +46,8 @@ WORD, SOLVE_WORD = "mpm: grid", "mpm: solve"
 SOLVE_WORDS = 3            # iterations, steps whose residual was missed, worst residual [% of the tolerance]
 THERE = StateField("there", "1", True, "0: it has not come yet, 1: it is there, 2 + k: sink k has taken it", "int")
 POURED = 128               # particles of what pours that a block of cells is reserved for; a full one holds 512
-SPARE = 1.5                # room for blocks over those at the start, and over those that a frame lacks at first
+SPARE = 2.0                # room for blocks over those at the start, and over those that a frame lacks at first
+FALLING = 512              # blocks beside those, where something pours: a stream that falls fills few cells of a block
 EACH = 8                   # blocks that the 27 nodes about a particle lie in, at most
 
 
@@ -93,7 +87,8 @@ class MaterialPointMethod(Method):
         b.state.add(self.part)
         self.exchange, colliders = make_walls(self, b)
         blocks = b.model.worlds * (count_blocks(self.node) + np.count_nonzero(np.isfinite(self.times)) // POURED)
-        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8, self.flow)
+        room = int(SPARE * blocks) + (FALLING if self.flow else make_grid.least_blocks)
+        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, room, self.flow)
         if self.exchange:
             self.exchange.set_grid(self.grid)
         self._fill_tables(b)

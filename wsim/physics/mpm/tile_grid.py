@@ -55,6 +55,7 @@ class StepTeam(Abreast):
 class TileGrid(SparseGrid):
     """A `SparseGrid` whose frames are one launch; with gradients a launch for each kernel."""
 
+    least_blocks = 1024                    # a block that is not used costs nothing here
     sent: tuple = None, None               # key and launch of the last frame
 
     def _make_sorting(self) -> None:
@@ -64,7 +65,7 @@ class TileGrid(SparseGrid):
 
     def _make_kernels(self, laws: tuple[str, ...], kinds: tuple[str, ...]) -> None:
         real, module = self.real, self.module
-        self.names, self.queue = (kinds, laws), self.zeros(QUEUES, int)
+        self.names, self.queue = (kinds, laws), self.zeros(QUEUES + 1, int)
         threads = max(1, min(count_cores(), MOST_THREADS, self.count // SHARE)) if self.whole else 1
         self.team = StepTeam(self.model, np.zeros((threads, 4), int))
         self.take_steps: Any = None
@@ -116,7 +117,8 @@ class TileGrid(SparseGrid):
         def launch_steps(team: Any) -> None:
             wp.launch(self.take_steps, 1, [team, *given], device=self.model.device)
         key = STEPS, dt, given[0].births, *(array.ptr for array in places)
-        self.queue.zero_()
+        self.queue[:QUEUES].zero_()
+        self.used.zero_()
         launch_steps(self.team.lead(key))
         self.sent = key, launch_steps
         if flow:                                               # what comes and goes in the last step

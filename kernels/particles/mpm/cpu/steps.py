@@ -25,6 +25,7 @@ from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernels
 
 QUEUES = 10                # phases whose rows are taken in turn
+BEFORE = wp.constant(10)   # in the queue: blocks of the step before, whose counts are to be cleared
 CHUNK = wp.constant(2048)  # rows that a thread takes at a time
 FEW = wp.constant(16)      # blocks, where these take a thread a moment
 
@@ -44,7 +45,7 @@ def step_table(real):
         clock: wp.array(dtype=real)
         going: wp.array(dtype=int)
         word: wp.array(dtype=int)
-        queue: wp.array(dtype=int)         # rows that threads have come for, (QUEUES,)
+        queue: wp.array(dtype=int)         # rows that threads have come for, (QUEUES + 1,)
         births: int                        # threads that look for what comes, see kernels/particles/mpm/flow.py
 
     return SharedSteps
@@ -113,14 +114,12 @@ def phase_functions(kinds: tuple[str, ...], laws: tuple[str, ...], flow: bool, r
     @wp.func
     def clear(s: Steps, g: T.BlockGrid):
         k = shared_add(s.queue, 0, 1)
-        while k * CHUNK < wp.max(g.slot.shape[0], g.count.shape[0]):
+        cells = CELLS * s.queue[BEFORE]
+        while k * CHUNK < wp.max(g.slot.shape[0], cells):
             for i in range(k * CHUNK, wp.min((k + 1) * CHUNK, g.slot.shape[0])):
                 g.slot[i] = EMPTY
-            for i in range(k * CHUNK, wp.min((k + 1) * CHUNK, g.count.shape[0])):
+            for i in range(k * CHUNK, wp.min((k + 1) * CHUNK, cells)):
                 g.count[i] = 0
-            if k == 0:
-                g.used[0] = 0
-                g.used[1] = 0
             k = shared_add(s.queue, 0, 1)
 
     @wp.func
@@ -241,6 +240,9 @@ def team_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], births: bool, sin
         queues = int(QUEUES)
         for q in range(queues):
             s.queue[q] = 0
+        s.queue[BEFORE] = wp.min(g.used[0], g.key.shape[0])
+        g.used[0] = 0
+        g.used[1] = 0
 
     def take_steps(team: Team, s: Steps, points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid, c: Colliders,
                    b: Births, sink: Colliders):

@@ -80,6 +80,20 @@ def test_momentum_and_angular_momentum_stay(ratio):
     assert whole_energy(simulation) < energy and not simulation.warnings
 
 
+def test_single_precision_keeps_momentum_over_a_thousand_steps():
+    """1e-6 of the sum of m |v| of jelly and ball, and 1e-5 of the angular momentum."""
+    simulation = wsim.Simulation(collision(1.0), device="cpu")
+    m, steps = find_method(simulation), 0
+    jelly = m.read_particles(2)
+    size = (jelly["m"] * np.linalg.norm(jelly["v"], axis=1)).sum() + 8 * np.sqrt(1.09)
+    p, spin = whole_momentum(simulation)
+    while steps < 1000:
+        simulation.step()
+        steps += int(m.status.said("mpm: grid")[3])
+    p_end, spin_end = whole_momentum(simulation)
+    assert np.abs(p_end - p).max() < 1e-6 * size and np.abs(spin_end - spin).max() < 1e-5 * np.linalg.norm(spin)
+
+
 @pytest.mark.parametrize(("size", "at"), [(1e-3, (0, 0, 0)), (1.0, (1000, 0, -1000)), (1000.0, (0, 0, 0))])
 def test_the_same_at_other_sizes_and_places(size, at):
     """Froude's scaling: lengths by s, times by the root of s, stiffness by s. The ball has the same momentum, scaled."""

@@ -128,6 +128,16 @@ def test_a_run_beyond_the_planned_frames_grows_seldom():
     assert [c.frame for c in simulation.graphs.log if "something else" in c.why] == [5, 21]
 
 
+def test_a_planned_stream_that_falls_and_spreads_is_captured_once():
+    """A stream of two cells falls 1.5 m on a floor and spreads: there is room for all of its blocks from the start."""
+    scene = make_scene(frames=40, gravity=(0, -9.81, 0))
+    scene.collider("/floor", wsim.Box((3, 0.5, 3)), at=(0, -2.0, 0), static_friction=0.3, dynamic_friction=0.3)
+    pour(scene, end=np.inf, rate=20.0, velocity=(0, -2, 0))
+    simulation = run(scene, 40)
+    assert find_method(simulation).indicators(None, None)["mpm_poured_particles"] > 500
+    assert {c.frame for c in simulation.graphs.log} <= {1, 2}
+
+
 def test_worlds_and_runs_have_the_same_bits():
     def samples(worlds):
         scene = make_scene(gravity=(0, -9.81, 0))

@@ -40,19 +40,6 @@ def total_momentum(simulation):
     return p, spin
 
 
-def test_momentum_and_angular_momentum_stay():
-    """Two jellies that collide off centre while they spin. Float64 loses a rounding a step."""
-    scene = make_scene(gravity=(0, 0, 0))
-    scene.mpm("/a", wsim.Box((0.1, 0.1, 0.1)), cell=0.05, velocity=(1, 0.2, 0), spin=(0, 3, 5), material=Jelly(2e4))
-    scene.mpm("/b", wsim.Sphere(0.12), at=(0.24, 0.06, 0.01), cell=0.05, velocity=(-1, 0, 0.3), material=Jelly(1e4))
-    simulation = wsim.Simulation(scene, device="cpu", precision="float64")
-    p, spin = total_momentum(simulation)
-    simulation.run(10)
-    p_end, spin_end = total_momentum(simulation)
-    assert np.abs(p_end - p).max() < 1e-11 and np.abs(spin_end - spin).max() < 1e-12
-    assert find_method(simulation).elastic_energy().sum() > 1e-3
-
-
 def test_free_fall_is_that_of_symplectic_euler():
     """All steps have one length: the place is g t (t + h) / 2 below."""
     scene = make_scene()
