@@ -130,9 +130,12 @@ class RodContacts:
     load: wp.array2d(dtype=wp.float64)              # normal force that its friction goes by [N]
     s: wp.array2d(dtype=wp.vec3d)                   # bristle there where the substep ends [m]
     deep: wp.array2d(dtype=wp.float64)              # how deep that is [m]
+    pull: wp.array(dtype=wp.vec3d)                  # of rows: force of a tie that is not yet in its spring [N]
     near: wp.array(dtype=int)                       # of worlds: 1, a body may be met in this substep
-    rough: wp.array(dtype=int)                      # of worlds: those of `CoupledRods`
+    rough: wp.array(dtype=int)                      # of worlds: those of `CoupledRods`, and three more
     count: wp.array(dtype=int)
+    on: wp.array(dtype=int)
+    back: wp.array(dtype=int)
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
     start: wp.array(dtype=int)                      # contacts of each body, and their number, (bodies + 1,)
     slot: wp.array(dtype=int)                       # row * room + number of a contact, in the order of bodies

@@ -160,12 +160,12 @@ ROPE = """def BasisCurves "rope" (prepend apiSchemas = ["PhysicsDeformableBodyAP
 
 @pytest.mark.parametrize("target", ["box", "box/hook"])
 @pytest.mark.parametrize("body", [cloth(), ROPE])
-def test_points_that_are_attached_to_a_body_that_forces_move_are_an_error(read, target, body):
+def test_points_that_are_attached_to_a_body_that_forces_move_are_tied_to_it(read, target, body):
     """They were held where it starts."""
     pin = PIN.format("tied", "0", "(0, 1, 0)").replace("int[]", f"rel physics:src1 = </{target}>\nint[]")
     pin = pin.replace("</cloth>", "</rope>") if body == ROPE else pin
-    said = errors(read, body + BOX.format("") + pin)
-    assert f"/tied: physics:src1 names /{target}, which moves with the rigid body /box; allowed is what is still" in said
+    scene = read(body + BOX.format("") + pin)
+    assert [(tie.path, tie.other, tie.others) for tie in scene.ties] == [("/tied", "/box", None)] and not scene.pins
     for still in ("bool physics:kinematicEnabled = 1", "bool physics:rigidBodyEnabled = 0"):
         scene = read(body + BOX.format(still) + pin)
         assert len(scene.pins or scene.things("Rods")[0].pins) == 1

@@ -199,9 +199,9 @@ def build_model(scene: Scene, worlds: int, device, real, module: str = "") -> Mo
         single.append(make_body(source, 0, number, first))
         first = single[-1].last
     alias = None
-    if scene.ties:
+    if shared := [tie for tie in scene.ties if tie.others is not None]:
         from wsim.model.shared_points import join_tied_points
-        alias = join_tied_points(single, scene.ties)
+        alias = join_tied_points(single, shared)
     for world in range(worlds):
         shift, rows = world * first, world * len(single)
         bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,

@@ -79,23 +79,32 @@ def pin_onto_collider(pin: Pin, body: Any, collider: Collider) -> Pin:
 @dataclass(eq=False)
 class Tie(ArrayDataclass):
     """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say, as in
-    `scene.tie("/tie", flag, [0, 1], jelly, [4, 5])`.
+    `scene.tie("/tie", flag, [0, 1], jelly, [4, 5])`. Or points that a rigid body holds, and that pull at it (point to xform):
+    `scene.tie("/knot", rope, [0], weight)`.
 
     path        prim path
-    body        prim path of a cloth, spring net or soft body
+    body        prim path of a cloth, spring net or soft body; with a rigid body also of rods
     points      indices of its points, (k,)
-    other       prim path of a soft body; its points are where the shared ones are
-    others      indices of the points of `other`, (k,), in the same order
+    other       prim path of a soft body; its points are where the shared ones are. Or of a rigid body
+    others      indices of the points of `other`, (k,), in the same order; None: it is a rigid body
+    places      on a rigid body: where points are held, in its frame, (k, 3) [m]; None: where they are at the start
     """
 
     path: str
     body: str
     points: np.ndarray
     other: str
-    others: np.ndarray
+    others: np.ndarray | None = None
+    places: np.ndarray | None = None
 
     def __post_init__(self):
         self.points, self.others = contiguous_array(self.points, np.int32, -1), contiguous_array(self.others, np.int32, -1)
+        self.places = real_array(self.places, -1, 3)
+
+
+def body_ties(scene, path: str | None = None) -> list[Tie]:
+    """Ties to rigid bodies, of the points of an object (None: of all)."""
+    return [tie for tie in scene.ties if tie.others is None and path in (None, tie.body)]
 
 
 @dataclass(eq=False)

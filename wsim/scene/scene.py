@@ -267,10 +267,10 @@ class Scene(ArrayDataclass):
         pins_of_object(self, pin.body).append(pin)
         return pin
 
-    def tie(self, path: str, body, points, other, others) -> Tie:
-        """Adds a tie: points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
-        one, two = (b if isinstance(b, str) else b.path for b in (body, other))
-        self.ties.append(Tie(path, one, points, two, others))
+    def tie(self, path: str, body, points, other, others=None, places=None) -> Tie:
+        """Adds a tie: points (indices) of a body become points of a soft body, the first the first of `others`, and so on.
+        Without `others`: a rigid body holds them where they are, or at `places` (k, 3) [m] in its frame; they pull at it."""
+        self.ties.append(Tie(path, getattr(body, "path", body), points, getattr(other, "path", other), others, places))
         return self.ties[-1]
 
     def force(self, path: str, body, points, force, weights=None) -> Load:

@@ -11,7 +11,7 @@ from importlib import import_module
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from wsim.scene import Problem, Scene, SceneError
+from wsim.scene import Pin, Problem, Scene, SceneError, Tie
 from wsim.scene.check.scene import check_scene
 from wsim.scene.methods import (
     claiming_method,
@@ -112,12 +112,11 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
     by_path = {**above, **by_path}
     failed = any(problem.fatal for problem in reading.problems)
     for prim in found.attachments if not failed else ():
-        if is_tie(prim) and not is_followed(reading, prim):
-            tie = load_tie(reading, prim, by_path)
-            scene.ties += [tie] if tie is not None else []
-            continue
-        pin = load_pin(reading, prim, by_path)
-        if pin is not None:
+        shared = is_tie(prim) and not is_followed(reading, prim)
+        pin: Pin | Tie | None = (load_tie if shared else load_pin)(reading, prim, by_path)
+        if isinstance(pin, Tie):
+            scene.ties.append(pin)
+        elif pin is not None:
             pins_of_object(scene, pin.body).append(pin)
     if found.loads and not failed:
         from wsim.usd.prims.loads import load_applied_force

@@ -49,6 +49,7 @@ def _author_scene(stage: Usd.Stage, scene: Scene, units: StageUnits) -> None:
     settings = author_solver_settings(stage, _unused_path("/physicsScene", taken), scene, units)
     materials = _MaterialPaths(_unused_path("/materials", taken), scene)
     by_path = {thing.path: thing for thing in point_objects(scene)}
+    carriers = {body.path: body.motion for body in scene.things("Body")}
     for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie, Load)), thing.path.count("/"))):
         _define_parent_prims(stage, thing.path)
         if isinstance(thing, Cloth):
@@ -58,7 +59,7 @@ def _author_scene(stage: Usd.Stage, scene: Scene, units: StageUnits) -> None:
         elif isinstance(thing, Soft):
             _author_soft(stage, thing, materials, taken, units, scene.frames)
         elif isinstance(thing, Tie):
-            author_tie(stage, thing)
+            author_tie(stage, thing, by_path[thing.body], carriers.get(thing.other) if thing.others is None else None, units)
         elif isinstance(thing, Load):
             from wsim.usd.prims.loads import author_load
             author_load(stage, thing, by_path[thing.body], units)

@@ -1,7 +1,7 @@
 """Shapes of rigid bodies in a substep of strands, and whether one may be met. Forces: kernels/rigid/touch/strand_forces.py.
 
-A world steps by backward Euler while a body may be met (`near`): points that carry on the step before take two thirds of an
-impulse at once, and bodies would have got all of it.
+A world steps by backward Euler while a body may be met, or is tied to a point (`near`): points that carry on the step before
+take two thirds of an impulse at once, and bodies would have got all of it.
 """
 
 from functools import cache
@@ -19,6 +19,32 @@ from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial
 AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a place and a body in a substep, within which they count as near
 
 SITES = wp.constant(3)                   # of a row: a point, two places within the edge behind it
+
+
+@wp.func
+def small_turn(a: wp.vec3d):
+    """Quaternion of a rotation vector [rad]."""
+    size = wp.length(a)
+    half = wp.float64(0.5)
+    k = half
+    if size > wp.float64(1e-9):
+        k = wp.sin(half * size) / size
+    return wp.quatd(k * a[0], k * a[1], k * a[2], wp.cos(half * size))
+
+
+@wp.func
+def trial_turn(W: RodBodies, j: int):
+    """Quaternion of the principal axes of body j in the trial."""
+    return multiply_rotations(small_turn(W.xi[j, 1]), W.q1[j])
+
+
+@wp.func
+def passes_body(W: RodBodies, i: int, k: int, edge: int, body: int):
+    """True if point i, or the edge behind it, does not meet a body: it is tied to that, or the next point is."""
+    if not W.tied:
+        return False
+    p = W.passes[i, k]
+    return p[2 * edge] == body or p[2 * edge + 1] == body
 
 
 @cache
@@ -48,23 +74,13 @@ def strand_body_kernels(real, module: str):
             W.xi[i, j] = wp.vec3d()
             W.last[i, j] = wp.vec3d()
 
-    @wp.func
-    def small_turn(a: wp.vec3d):
-        """Quaternion of a rotation vector [rad]."""
-        size = wp.length(a)
-        half = wp.float64(0.5)
-        k = half
-        if size > wp.float64(1e-9):
-            k = wp.sin(half * size) / size
-        return wp.quatd(k * a[0], k * a[1], k * a[2], wp.cos(half * size))
-
     @wp.kernel(module=module, enable_backward=False)
     def pose_shapes(W: RodBodies):
         c = wp.tid()
         i = W.body[c]
         own = wp.transform_get_translation(W.place[c])
         turn = wp.transform_get_rotation(W.place[c])
-        q = multiply_rotations(small_turn(W.xi[i, 1]), W.q1[i])
+        q = trial_turn(W, i)
         W.pose0[c] = wp.transformd(W.c0[i] + rotate_vector(W.q0[i], own), multiply_rotations(W.q0[i], turn))
         at = multiply_rotations(q, turn)
         x = W.c1[i] + W.xi[i, 0] + rotate_vector(q, own)
@@ -126,7 +142,8 @@ def strand_shape_funcs(kinds: tuple[str, ...]):
         n = wp.vec3d()
         ball = W.ball[c]
         thick = s.radius + C.thick[c]
-        if W.world[c] == W.strand[s.k] and wp.length(s.x - wp.vec3d(ball[0], ball[1], ball[2])) < ball[3] + thick + margin:
+        near = W.world[c] == W.strand[s.k] and not passes_body(W, s.i, s.k, wp.min(s.site, 1), W.body[c])
+        if near and wp.length(s.x - wp.vec3d(ball[0], ball[1], ball[2])) < ball[3] + thick + margin:
             phi, n0, _ = signed(C, c, 0, wp.transform_point(wp.transform_inverse(W.pose1[c]), s.x))
             deep = thick - phi
             n = wp.transform_vector(W.pose1[c], n0)
@@ -141,7 +158,7 @@ def strand_shape_funcs(kinds: tuple[str, ...]):
         ball = W.ball[c]
         reach = wp.max(S.radius[i, k], S.radius[i + 1, k]) + C.thick[c] + margin
         away = wp.length((x0 + x1) * half - wp.vec3d(ball[0], ball[1], ball[2])) - half * wp.length(x1 - x0)
-        if W.world[c] == W.strand[k] and away < ball[3] + reach:
+        if W.world[c] == W.strand[k] and away < ball[3] + reach and not passes_body(W, i, k, 1, W.body[c]):
             back = wp.transform_inverse(W.pose1[c])
             found = flanks(C, c, 0, wp.transform_point(back, x0), wp.transform_point(back, x1), reach)
             found.a.n = wp.transform_vector(W.pose1[c], found.a.n)
@@ -182,6 +199,10 @@ def near_body_kernels(kinds: tuple[str, ...], module: str):
         if i < S.points[k]:
             s = strand_spot(S, Q, T, i, k, 0, wp.float64(0.0))
             way = wp.length(s.way) + s.radius
+            if W.tied:
+                if W.tied[i, k] >= 0:
+                    wp.atomic_max(B.near, W.strand[k], 1)
+                    wp.atomic_max(word, 0, 1)
             for c in range(W.body.shape[0]):
                 margin = AHEAD * (way + shape_way_bound(W, c))
                 deep, n = depth(C, W, s, margin, c)

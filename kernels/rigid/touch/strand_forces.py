@@ -18,6 +18,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rigid.touch.strand_contacts import SITES, RodSpot, strand_shape_funcs, strand_spot
+from wsim.kernels.rigid.touch.strand_ties import add_body_tie
 from wsim.kernels.rigid.touch.strands import RodBodies
 from wsim.kernels.rods.contact import (
     FIRM,
@@ -193,6 +194,8 @@ def body_contact_kernels(kinds: tuple[str, ...], module: str):
             if count <= LATE or count % AGAIN == 0:
                 B.load[p, site] = wp.float64(0.0)
         if i < S.points[k] and B.near[W.strand[k]] == 1:
+            if W.tied:
+                add_body_tie(S, T, W, B, i, k)
             meet_point(C, S, Q, T, W, B, i, k)
             if i + 1 < S.points[k]:
                 meet_edge(C, S, Q, T, W, B, i, k)

@@ -61,6 +61,10 @@ class RodBodies:
     load1: wp.array2d(dtype=wp.float64)
     stick2: wp.array2d(dtype=wp.vec3d)
     load2: wp.array2d(dtype=wp.float64)
+    tied: wp.array2d(dtype=int)                     # of points: body that holds it, -1: none; these only where there are ties
+    tie_at: wp.array2d(dtype=wp.vec3d)              # place of it from the centre of mass, in the principal axes [m]
+    tie: wp.array2d(dtype=wp.vec3d)                 # force of its tie in the substep before [N]
+    passes: wp.array2d(dtype=wp.vec4i)              # bodies that a point does not meet, and the edge behind it, two each
 
 
 @wp.func

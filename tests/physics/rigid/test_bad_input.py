@@ -133,7 +133,7 @@ def test_a_pin_whose_target_moves_with_a_body_is_an_error_in_python_too(kind, ta
     with pytest.raises(SceneError) as error:
         Simulation(scene, device="cpu")
     said = (f"/tied: its target is {target}, which moves with the rigid body /box; allowed: what is still, animated or "
-            "kinematic: points cannot be joined to a body that forces move, and would hang where it starts")
+            "kinematic: a pin would hang where the body starts; fix: scene.tie(")
     assert said in str(error.value)
 
 

@@ -71,9 +71,8 @@ def _check_pins_to_body(body: Body, scene: Scene) -> Iterator[Problem]:
     for pin in scene.all_pins():
         if is_in_prim(pin.target, body.path) and not any(is_in_prim(pin.target, path) for path in apart):
             yield thing_error(pin.path, f"its target is {pin.target}, which moves with the rigid body {body.path}",
-                               "what is still, animated or kinematic: points cannot be joined to a body that forces move, and "
-                               "would "
-                               "hang where it starts", f"name another target, or make {body.path} a collider with a motion")
+                               "what is still, animated or kinematic: a pin would hang where the body starts",
+                               f'scene.tie("{pin.path}", "{pin.body}", [points], "{body.path}"), which pulls at the body too')
 
 
 def _check_body_support(first: Body, scene: Scene) -> Iterator[Problem]:

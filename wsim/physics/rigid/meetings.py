@@ -69,6 +69,8 @@ def set_surface_value(contacts, path: str, name: str, value: float, world: int |
 def collider_places_in_body(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
     """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
     principal axes of their bodies."""
+    if not colliders:
+        return np.zeros((0, 7))
     M = np.array([c.motion.at(0.0) for c in colliders])
     back, center = quat_conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
     x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]

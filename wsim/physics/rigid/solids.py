@@ -19,6 +19,7 @@ from wsim.geometry.triangulate import triangulate_polygons
 from wsim.geometry.winding import wound_alike
 from wsim.physics.rigid.mass import approximate_shape, mesh_convex_hull, shape_outline_mesh, shape_volume
 from wsim.scene import Collider, Surface
+from wsim.scene.attachments import body_ties
 from wsim.scene.methods import driving_bodies
 from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, shape_row
 
@@ -164,11 +165,12 @@ def bodies_touch_points(scene) -> bool:
 
 
 def bodies_met_by_strands(scene) -> list[tuple]:
-    """(body, its colliders) of those that rods meet."""
+    """(body, its colliders) of those that rods meet, or are tied to."""
     if not scene.things("Rods"):
         return []
-    apart = driving_bodies(scene)
-    return [(body, found) for body in scene.things("Body") if body.path not in apart and (found := touching_colliders(body))]
+    apart, tied = driving_bodies(scene), {tie.other for rods in scene.things("Rods") for tie in body_ties(scene, rods.path)}
+    found = [(body, touching_colliders(body)) for body in scene.things("Body") if body.path not in apart]
+    return [(body, colliders) for body, colliders in found if colliders or body.path in tied]
 
 
 def star_fields(b) -> tuple:

@@ -9,13 +9,14 @@ repeated with room. A point and the edge behind it share theirs.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
+from wsim.geometry import rotation
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch import groups, strand_contacts, strand_forces, strands
+from wsim.kernels.rigid.touch import groups, strand_contacts, strand_forces, strand_ties, strands
 from wsim.kernels.rods.tables import RodContacts
 from wsim.model.stage import Remedy
 from wsim.model.state import StateField
@@ -24,7 +25,9 @@ from wsim.physics.contact.collider.mesh import ColliderMesh
 from wsim.physics.rigid.meetings import collider_places_in_body
 from wsim.physics.rigid.solids import bodies_met_by_strands
 from wsim.physics.rods.colliders import StrandObstacles, strand_collider_kinds
+from wsim.physics.rods.objects import strand_neighbours
 from wsim.scene import Surface
+from wsim.scene.attachments import Tie, body_ties
 from wsim.scene.solids import Plane, shape_row
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ CLING = tuple(field for key, site in (("", "a point"), ("1", "the first place wi
                                       ("2", "the second place there"))
               for field in (StateField(f"cling{key}", "m", True, f"bristle of {site} that touches a rigid body", "vec3d"),
                             StateField(f"bears{key}", "N", True, f"normal force of a rigid body on {site}", "double")))
+TIED = (StateField("tie", "N", True, "force of the rigid body that a point is tied to", "vec3d"),)
 FULL = "rods on bodies"                # status word
 ROOM = 3                               # of contacts of a point and the edge behind it, at first
 
@@ -66,18 +70,26 @@ class StrandBodyContacts:
         self.pushing = strands.body_motion_force_kernel(module)
         self.giving, self.cling = strands.strand_end_kernels(real, module)
         self.bounds = groups.group_bound_kernel(module)
+        self.gap: Any = None
+        if "tie" in s.part.arrays:
+            put_ties(self, rigid, s)
+            self.gap = self.ground.upload(np.zeros(self.ground.points), wp.float64)
+            self.keeping = strand_ties.tie_end_kernel(module)
         self.depth = ROOM
         self.room()
 
     def _tables(self, owners: list, places: np.ndarray, s) -> None:
         """Constants, and room for what a substep finds."""
-        up, device, n, shapes = self.ground.upload, self.ground.device, len(self.rigid.bodies), len(owners)
+        device, n, shapes = self.ground.device, len(self.rigid.bodies), len(owners)
         worlds = np.array([world for _, world in self.rigid.bodies])
         two, part = (s.table.longest, s.table.strands), s.part.arrays
         balls = np.array([self._shape_bounding_ball(k) for k in range(shapes)]).reshape(-1, 4)
 
         def zeros_for_bodies(dtype, *shape):
             return wp.zeros(shape, dtype=dtype, device=device)
+
+        def up(values, dtype):
+            return self.ground.upload(values, dtype) if len(values) else zeros_for_bodies(dtype, 0)
         self.world = up(worlds.astype(np.int32), int)
         self.carried = fill_struct(
             strands.RodBodies, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
@@ -97,7 +109,8 @@ class StrandBodyContacts:
         points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = fill_struct(
             RodContacts, first=up(first, int), start=zeros_for_bodies(int, n + 1), size=up(size, wp.float64),
-            near=zeros_for_bodies(int, s.model.worlds), rough=self.together.group.rough, count=self.together.group.count,
+            near=zeros_for_bodies(int, s.model.worlds), pull=zeros_for_bodies(wp.vec3d, points),
+            **{name: getattr(self.together.group, name) for name in ("rough", "count", "on", "back")},
             y=zeros_for_bodies(wp.vec3d, n, 2), many=zeros_for_bodies(int, points), push=zeros_for_bodies(wp.vec3d, points),
             s=zeros_for_bodies(wp.vec3d, points, sites),
             **{name: zeros_for_bodies(wp.float64, points, sites) for name in ("N", "deep", "load")},
@@ -198,6 +211,9 @@ class StrandBodyContacts:
     def hold(self) -> None:
         """What points and edges remember of a substep."""
         wp.capture_if(self.word, self._points)
+        if self.gap is not None:
+            s = self.together.strands
+            self.launch(self.keeping, self.ground.points, [s.strands, s.trial, self.carried, self.borne, self.gap], [])
         self.launch(self.cling, self.ground.points, [self.borne, self.carried], [])
 
     # around a frame
@@ -212,6 +228,40 @@ class StrandBodyContacts:
         return [Remedy("grow", grow_body_contacts)] if wanted > self.depth else []
 
     def indicators(self) -> dict[str, float]:
-        """Points and edges that press a rigid body where the last substep ended, and how deep they are in it [m]."""
+        """Points and edges that press a rigid body where the last substep ended, and how deep they are in it [m]; the
+        largest gap of a tie [m]."""
         N, deep = self.borne.N.numpy(), self.borne.deep.numpy()
-        return {"rod_bodies": float(np.count_nonzero(N)), "rod_body_depth": float(deep.max(initial=0.0))}
+        ties = {} if self.gap is None else {"rod_tie_gap": float(self.gap.numpy().max(initial=0.0))}
+        return {"rod_bodies": float(np.count_nonzero(N)), "rod_body_depth": float(deep.max(initial=0.0))} | ties
+
+
+def tie_places(tie: Tie, rods, body) -> np.ndarray:
+    """Places in the frame of a rigid body (k, 3) [m] at which it holds the points of a tie."""
+    if tie.places is not None:
+        return np.asarray(tie.places, np.float64)
+    M = body.motion.at(0.0)
+    return (rods.motion.points(rods.points, 0.0)[tie.points] - M[:3, 3]) @ M[:3, :3]
+
+
+def put_ties(contacts: Any, rigid: Any, strands: Any) -> None:
+    """Fills the tables of ties of `wsim.physics.rods.bodies.StrandBodyContacts`. rigid: the method of the bodies; strands: that
+    of the rods."""
+    t, scene, W = strands.table, strands.model.scene, contacts.carried
+    rows = {(body.path, world): k for k, (body, world) in enumerate(rigid.bodies)}
+    n = t.longest * t.strands
+    tied, at, passes = np.full(n, -1, np.int32), np.zeros((n, 3)), np.full((n, 4), -1, np.int32)
+    for (rods, world), place in zip(t.pairs, t.place, strict=True):
+        for tie in body_ties(scene, rods.path):
+            k = rows[tie.other, world]
+            m, body = rigid.masses[k], rigid.bodies[k][0]
+            local = rotation.quat_rotate(rotation.quat_conjugate(m.axes), tie_places(tie, rods, body) - m.center)
+            tied[place[tie.points]], at[place[tie.points]] = k, local
+            for point in tie.points.tolist():
+                for side, found in enumerate(strand_neighbours(rods.counts, point)):
+                    for row in place[found]:
+                        own = passes[row, 2 * side:2 * side + 2]
+                        if k not in own:
+                            own[0 if own[0] < 0 else 1] = k
+    two, up = (t.longest, t.strands), contacts.ground.upload
+    W.tied, W.tie_at = up(tied.reshape(two), int), up(at.reshape(*two, 3), wp.vec3d)
+    W.passes, W.tie = up(passes.reshape(*two, 4), wp.vec4i), strands.part.arrays["tie"].reshape(two)

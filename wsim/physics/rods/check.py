@@ -6,8 +6,9 @@ from math import floor
 
 import numpy as np
 
-from wsim.physics.rods.objects import LEAST, Rods
+from wsim.physics.rods.objects import LEAST, Rods, strand_neighbours
 from wsim.scene import Collider, Motion, Pin, Problem, Scene, Surface
+from wsim.scene.attachments import body_ties
 from wsim.scene.check.objects import NEAR, check_number, object_warning, thing_error, three_digits
 
 STOUT = 1.0           # length over diameter of an edge below which a strand is no thin rod
@@ -71,12 +72,18 @@ def _check_strands_in_bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
         yield object_warning(rods.path,
                              f"strands pass through {', '.join(missed[:3])}{', ...' * (len(missed) > 3)}, which drives "
                              "what a skeleton moves", "what it moves as a collider", "give PhysicsCollisionAPI to that")
-    x = rods.motion.points(rods.points, 0.0)
+    x, n = rods.motion.points(rods.points, 0.0), len(rods.points)
     for body in scene.things("Body"):
+        tied = [p for tie in body_ties(scene, rods.path) if tie.other == body.path for p in tie.points.tolist() if 0 <= p < n]
+        free = np.ones((2, n), bool)                                     # points and edges that meet this body
+        for point in tied:
+            for side, near in enumerate(strand_neighbours(rods.counts, point)):
+                free[side, near] = False
         for c in found.get(body.path, ()):
             where = replace(c, motion=Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)))
             deep = -collider_signed_distance(where, x, 0.0)
-            for what, depth in (("points", deep), ("edges, between their points,", _edge_depths(rods, where, x, deep))):
+            for what, depth in (("points", deep * free[0]),
+                                ("edges, between their points,", _edge_depths(rods, where, x, deep) * free[1])):
                 if (depth > 0.0).any():
                     k = int(np.argmax(depth))
                     yield object_warning(rods.path,

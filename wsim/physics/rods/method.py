@@ -18,7 +18,8 @@ from wsim.physics.rods.colliders import StrandObstacles
 from wsim.physics.rods.forces import StrandLoads, StrandReactions
 from wsim.physics.rods.tables import StrandTable
 from wsim.scene import Scene
-from wsim.scene.methods import has_self_collision
+from wsim.scene.attachments import body_ties
+from wsim.scene.methods import has_self_collision, method_file
 from wsim.scene.samples import PointSample, Sample
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class RodMethod(Method):
         self.table = t = StrandTable([(each, world) for world in range(b.model.worlds) for each in rods])
         touching = any(each.self_collision for each in rods)
         meeting = bool(touching and has_self_collision(b.scene) and b.model.bodies)  # surfaces: in their substeps
-        bearing = bool(b.scene.things("Body") and self._met_bodies(b.scene))   # rigid bodies: likewise
+        bearing = bool(b.scene.things("Body") and method_file("Body", "solids").bodies_met_by_strands(b.scene))   # rigid bodies
         self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = StrandObstacles(b.scene.colliders, device, self.substeps)
@@ -110,10 +111,6 @@ class RodMethod(Method):
             self.offers.start_warnings = self.touching.told
         self.offers.rods, self.offers.strand_reactions = self, StrandReactions(self)
 
-    def _met_bodies(self, scene: Scene) -> list:
-        from wsim.physics.rigid.solids import bodies_met_by_strands
-        return bodies_met_by_strands(scene)
-
     def _make_rod_stage(self, own: str, apart: bool) -> Stage:
         """The stage that is a frame. own: name of the module of kernels; apart: a launch for each part of an iteration."""
         t = self.table
@@ -146,8 +143,8 @@ class RodMethod(Method):
             from wsim.physics.rods.with_surfaces import PUSH
             more += PUSH
         if bearing:
-            from wsim.physics.rods.bodies import CLING
-            more += CLING
+            from wsim.physics.rods.bodies import CLING, TIED
+            more += CLING + TIED * any(body_ties(b.scene, rods.path) for rods, _ in t.pairs)
         self.part = StatePart.allocate("rods", FIELDS + more, t.longest * t.strands, self.model.real, device)
         self.part.rows = {(rods.path, world): place for (rods, world), place in zip(t.pairs, t.place, strict=True)}
         for name, values in (("x", t.x), ("v", t.v), ("d", t.d), ("u", t.v), ("phi", t.phi[..., None])):
@@ -164,8 +161,8 @@ class RodMethod(Method):
     def _make_trial(self, together: bool) -> Any:
         """together: strands are solved for as others are."""
         two, device = (self.table.longest, self.table.strands), self.model.device
-        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64,
-                 "near": wp.mat44d, "far": wp.mat44d, "z": wp.vec4d}
+        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64, "near": wp.mat44d,
+                 "far": wp.mat44d, "z": wp.vec4d}
         more: dict = {}
         if self.obstacles.kinds:
             places: dict = {"inside": wp.vec3d, "bristle": wp.vec3d}

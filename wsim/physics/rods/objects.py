@@ -106,6 +106,14 @@ class Rods(PointObject):
             mesh.poses, np.repeat(roots.corners, 2, axis=0), x[points], np.repeat(roots.faces, 2)))
 
 
+def strand_neighbours(counts: np.ndarray, point: int) -> tuple[list[int], list[int]]:
+    """(points, edges by their first point) that touch a point: itself, those beside it."""
+    last = int(np.searchsorted(np.cumsum(counts), point, side="right"))
+    first = int(counts[:last].sum())
+    edges = [p for p in (point - 1, point) if first <= p < first + counts[last] - 1]
+    return sorted({point, *edges, *(p + 1 for p in edges)}), edges
+
+
 def grow_hair(path: str, collider: Collider, number: int, length: float, where, segments: int, more: dict) -> Rods:
     """Rods that stand on a collider, clamped to it: see `Scene.hair`."""
     demand_kind(path, "collider", collider, Collider, 'scene.collider("/head", Sphere(0.1))')

@@ -6,6 +6,7 @@ from math import inf, isfinite
 import numpy as np
 
 from wsim.scene import Problem, Scene, Tie
+from wsim.scene.attachments import body_ties
 from wsim.scene.check.objects import find_point_object, thing_error
 
 APART = 1e-4       # of the soft body's size, by which points that are to be one may stand apart
@@ -14,6 +15,9 @@ APART = 1e-4       # of the soft body's size, by which points that are to be one
 def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     """Problems of a tie. Positions are compared in the world at the start."""
     path = thing.path
+    if thing.others is None:
+        yield from _check_body_tie(thing, scene)
+        return
     body = yield from find_point_object(path, "tie", "ties", thing.body, scene)
     other = yield from find_point_object(path, "tie", "ties", thing.other, scene)
     if body is None or other is None:
@@ -46,7 +50,42 @@ def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     yield from _check_tied_points_meet(thing, body, other)
 
 
+def _check_body_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
+    """Problems of a tie to a rigid body."""
+    path = thing.path
+    rigid = {body.path: body for body in scene.things("Body")}
+    if thing.other not in rigid:
+        yield thing_error(path, f"it ties {thing.body} to {thing.other}, which is no rigid body",
+                          f"one of {', '.join(rigid) or 'them, of which there are none'}",
+                          "name a body, or pin the points to what is still or animated; to points of a soft body: give others")
+        return
+    body = yield from find_point_object(path, "tie to a body", "ties", thing.body, scene)
+    if body is None:
+        return
+    if type(body).__name__ != "Rods":
+        yield thing_error(path, f"it ties {thing.body} to the rigid body {thing.other}", "rods, whose points rigid bodies hold",
+                          "hang it on rods that are tied, pin it to an animated collider, or make the body a soft one")
+        return
+    bad = (thing.points < 0) | (thing.points >= len(body.points))
+    if bad.any() or not len(thing.points):
+        named = f"point {thing.points[np.argmax(bad)]}" if len(thing.points) else "no point"
+        yield thing_error(path, f"it names {named} of {body.path}", f"0 to {len(body.points) - 1}, at least one",
+                          "count from 0, in the order of the prim's points")
+        return
+    if thing.places is not None and (len(thing.places) != len(thing.points) or not np.isfinite(thing.places).all()):
+        yield thing_error(path, f"places are {len(thing.places)} for {len(thing.points)} points, or not finite",
+                          "a finite place in the frame of the body for each point", "leave places out, or give one a point")
+        return
+    mine = [tie for tie in body_ties(scene, body.path) if tie is thing or tie.path < path]
+    held = np.concatenate([tie.points for tie in mine] + [pin.points for pin in scene.all_pins() if pin.body == body.path])
+    often = np.bincount(np.clip(held, 0, len(body.points) - 1), minlength=len(body.points))[thing.points]
+    if often.max() > 1:
+        yield thing_error(path, f"point {thing.points[np.argmax(often)]} of {body.path} is tied or pinned {often.max()} times",
+                          "once", "name each point in one tie or pin")
+
+
 def _check_tied_points_meet(thing: Tie, body, other) -> Iterator[Problem]:
+    assert thing.others is not None
     a, b = (x.motion.points(x.points)[p] for x, p in ((body, thing.points), (other, thing.others)))
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         return                                                    # said of the bodies themselves

@@ -12,7 +12,7 @@ from wsim.scene.curve import Curve
 from wsim.scene.nodal.loads import surface_triangles_among
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute, define_attribute, is_authored, read_attribute
-from wsim.usd.prims.pins import particles_of_vertices, vertices_of_particles
+from wsim.usd.prims.springs import particles_of_vertices, vertices_of_particles
 from wsim.usd.stage import StageReading, StageUnits
 from wsim.usd.transforms.curves import author_curve, read_curve
 

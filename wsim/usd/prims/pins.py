@@ -3,7 +3,8 @@ particles, one by one. Points to points or faces of a mesh that a skeleton moves
 
 src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
 in its space (none: where the points are at the start). An attachment without src1 hangs on the world; one to a rigid body that
-forces move is refused. Other kinds are left out with a note. Weights that are painted on a mesh are pins without a prim
+forces move, or to an Xform within one, is a `Tie` without points of the other. Other kinds are left out with
+a note. Weights that are painted on a mesh are pins without a prim
 (`wsim.usd.prims.painted`).
 """
 
@@ -13,24 +14,26 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.scene import Pin, Tie
+from wsim.scene import Motion, Pin, Tie
 from wsim.scene.bodies import Deformable, PointObject
 from wsim.scene.methods import method_file
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute, read_attribute
 from wsim.usd.prims.painted import LEVELS, read_vertex_map
+from wsim.usd.prims.springs import particles_of_vertices, vertices_of_particles
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import author_motion, read_placement, split_rotation_scale
 
 if TYPE_CHECKING:
-    from wsim.scene import Springs
+    pass
 
 FRAME = "frame"                    # child of a pin that it hangs on where it names no target
 DERIVED = "wsim:derived"           # custom data of coords1 that follow from the points
 
 
-def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObject]) -> Pin | None:
-    """The pin of an attachment; None if it is switched off, or of another kind (noted), or broken (reported).
+def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObject]) -> Pin | Tie | None:
+    """The pin of an attachment, or the tie of one to a rigid body; None if it is switched off, of another kind (noted), or
+    broken (reported).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
     """
@@ -58,6 +61,8 @@ def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObjec
     if target and target == source:
         reading.fail(path, f"{names.SRC1} names {target}, the body that it holds; name an Xform, or leave it empty (world)")
         return None
+    if not follows and target and (carrier := _carrying_rigid_body(reading, reading.stage.GetPrimAtPath(target))):
+        return _load_body_tie(reading, prim, body, points, target, carrier)
     pin = Pin(str(path), body.path, points)
     if not follows and not _set_pin_target(reading, prim, pin, target):
         return None
@@ -114,11 +119,6 @@ def _set_pin_target(reading: StageReading, prim: Usd.Prim, pin: Pin, target: str
         reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which does not exist; name an Xform or nothing "
                                      "(world)")
         return False
-    if body := _carrying_rigid_body(reading, xform):
-        reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which moves with the rigid body {body}; allowed is what is "
-                     "still, animated or kinematic: points cannot be joined to a body that forces move, and would hang where "
-                     f"it starts; fix: set physics:kinematicEnabled on {body}, or name an Xform outside of it")
-        return False
     pin.target = "" if target == f"{pin.path}/{FRAME}" else target
     place = read_placement(reading, xform)
     frames, stretches = place.frame.copy(), []
@@ -139,6 +139,25 @@ def _set_pin_target(reading: StageReading, prim: Usd.Prim, pin: Pin, target: str
     return True
 
 
+def _load_body_tie(reading: StageReading, prim: Usd.Prim, body: PointObject, points: np.ndarray, target: str,
+                   carrier: str) -> Tie | None:
+    """The tie of points to a rigid body. target: it, or an Xform within it."""
+    numbers = particles_of_vertices(reading, prim, body, points, "physics:indices0")
+    if numbers is None:
+        return None
+    places = read_attribute(prim, "Pin", "places", reading.units)
+    if places is not None and not prim.GetAttribute("physics:coords1").GetCustomDataByKey(DERIVED):
+        M, own = (read_placement(reading, reading.stage.GetPrimAtPath(p)) for p in (target, carrier))
+        world, back = places @ M.linear[0].T + M.frame[0][:3, 3], own.frame[0]
+        places = (world - back[:3, 3]) @ back[:3, :3]
+    else:
+        places = None
+    if np.isfinite(value := read_attribute(prim, "Pin", "stiffness", reading.units) or np.inf):
+        reading.warn(prim.GetPath(), f"has a stiffness of {value:g} N/m and holds points to the rigid body {carrier}: it is "
+                     "hard here")
+    return Tie(str(prim.GetPath()), body.path, numbers, carrier, places=places)
+
+
 def _carrying_rigid_body(reading: StageReading, xform: Usd.Prim) -> str:
     """Path of the rigid body that moves by forces which an Xform is, or lies in; "" where there is none."""
     each = xform
@@ -148,22 +167,6 @@ def _carrying_rigid_body(reading: StageReading, xform: Usd.Prim) -> str:
             return str(body.GetPath()) if body else ""
         each = each.GetParent()
     return ""
-
-
-def particles_of_vertices(reading: StageReading, prim: Usd.Prim, body: PointObject, points: np.ndarray,
-                          name: str) -> np.ndarray | None:
-    """Points of the body from vertices of its prim, which the attribute `name` holds: a net's particle has several."""
-    if not body.is_net:
-        return points
-    numbering = read_attribute(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
-    if numbering is None:
-        return points
-    bad = (points < 0) | (points >= len(numbering))
-    if bad.any():
-        reading.fail(prim.GetPath(), f"{name} holds {points[bad][0]}; allowed is 0 to {len(numbering) - 1} "
-                     f"(vertices of {body.path})")
-        return None
-    return numbering[points]
 
 
 def _pin_local_positions(pin: Pin, body: PointObject) -> np.ndarray:
@@ -230,14 +233,6 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: PointObject, units: StageUnits,
     author_attribute(prim, "Pin", "damping", pin.damping, units)
 
 
-def vertices_of_particles(points: np.ndarray, body: PointObject) -> np.ndarray:
-    """Vertices of the body's prim: of a net, the first of each particle."""
-    if not body.is_net:
-        return points
-    from wsim.usd.prims.springs import curve_vertices
-    return np.unique(curve_vertices(cast("Springs", body)), return_index=True)[1][points]
-
-
 def is_tie(prim: Usd.Prim) -> bool:
     return read_attribute(prim, "Pin", "type0") == read_attribute(prim, "Pin", "type1") == "point"
 
@@ -270,11 +265,21 @@ def load_tie(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObjec
     return Tie(str(path), mine.path, points, other.path, others)
 
 
-def author_tie(stage: Usd.Stage, tie: Tie) -> None:
-    """Defines the attachment of a tie."""
+def author_tie(stage: Usd.Stage, tie: Tie, body: PointObject, carrier: Motion | None, units: StageUnits) -> None:
+    """Defines the attachment of a tie. body: whose points it names; carrier: motion of its rigid body, or None."""
     prim = stage.DefinePrim(tie.path, names.ATTACHMENT)
     prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(tie.body)])
     prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(tie.other)])
+    if carrier is not None:
+        pin = Pin(tie.path, tie.body, tie.points, motion=carrier)
+        for field, value in (("enabled", True), ("type0", "point"), ("type1", "xform"),
+                             ("points", vertices_of_particles(tie.points, body))):
+            author_attribute(prim, "Pin", field, value)
+        places = author_attribute(prim, "Pin", "places", _pin_local_positions(pin, body) if tie.places is None else tie.places,
+                                  units)
+        if tie.places is None:
+            places.SetCustomDataByKey(DERIVED, True)
+        return
     for field, value in (("enabled", True), ("type0", "point"), ("type1", "point")):
         author_attribute(prim, "Pin", field, value)
     author_attribute(prim, "Tie", "points", tie.points)

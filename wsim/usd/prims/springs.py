@@ -7,6 +7,7 @@ cross-section); their bending and twist are not simulated.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom
@@ -223,3 +224,26 @@ def author_springs(stage: Usd.Stage, springs: Springs, material: str, units: Sta
     existing = stage.GetPrimAtPath(material)
     friction = (springs.static_friction, springs.dynamic_friction)
     bind_physics_material(prim, existing if existing else author_friction(stage, material, friction, units))
+
+
+def particles_of_vertices(reading: StageReading, prim: Usd.Prim, body: Any, points: np.ndarray,
+                          name: str) -> np.ndarray | None:
+    """Points of the body from vertices of its prim, which the attribute `name` holds: a net's particle has several."""
+    if not body.is_net:
+        return points
+    numbering = read_attribute(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
+    if numbering is None:
+        return points
+    bad = (points < 0) | (points >= len(numbering))
+    if bad.any():
+        reading.fail(prim.GetPath(), f"{name} holds {points[bad][0]}; allowed is 0 to {len(numbering) - 1} "
+                     f"(vertices of {body.path})")
+        return None
+    return numbering[points]
+
+
+def vertices_of_particles(points: np.ndarray, body: Any) -> np.ndarray:
+    """Vertices of the body's prim: of a net, the first of each particle."""
+    if not body.is_net:
+        return points
+    return np.unique(curve_vertices(body), return_index=True)[1][points]

@@ -26,7 +26,7 @@ from wsim.model.structs import fill_struct
 from wsim.physics.rigid import forms, meetings, surfaces
 from wsim.physics.rigid.contacts.pair_list import PairList
 from wsim.physics.rigid.solids import contact_shape_of, scene_contact_colliders, touching_colliders
-from wsim.scene import Collider
+from wsim.scene import Collider, Sphere
 
 LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
 FEW = 256                    # pairs that there is room for at first, if so many shapes there are may meet
@@ -44,11 +44,11 @@ class RigidContactTables:
 
     def __init__(self, b, method):
         self.model, self.status, self.method = b.model, b.status, method
-        self.colliders: list[Collider] = scene_contact_colliders(b.scene.colliders)
-        self.real, self.device = b.model.real, b.model.device
+        self.colliders, self.real, self.device = scene_contact_colliders(b.scene.colliders), b.model.real, b.model.device
         self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in touching_colliders(body)]
-        self.still_first = len(method.bodies)
-        self.frames = self.still_first + len(self.colliders)
+        if not self.owners:                       # strands alone hold them: tables need a row, which meets nothing
+            self.owners, self.colliders = [(0, 0, Collider("", Sphere(1e-3)))], []
+        self.still_first, self.frames = len(method.bodies), len(method.bodies) + len(self.colliders)
         self.bouncing, self.sweeps = meetings.has_restitution(b.scene), b.scene.iterations
         self.moves = any(c.motion.moves for c in self.colliders)
         self._upload_shape_table()
