@@ -6,6 +6,9 @@ The law is that of explicit steps (walls.py). A corner that has a gap to a colli
 what falls comes to rest on the surface, and not within it.
 """
 
+# ruff: noqa: UP018
+# int(-1) makes a variable of what would be a constant.
+
 from functools import cache
 from types import SimpleNamespace
 
@@ -31,6 +34,19 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
     ask = collider_queries(kinds or ("sphere",), real)
 
     @wp.func
+    def farthest_contact(contacts: Contacts, row: int, count: int, gap: real):
+        """Where a contact with that gap is kept: behind the others, else in place of the farthest; -1 if that is nearer."""
+        place = int(count)
+        if count == wp.static(CONTACTS):
+            place = int(-1)
+            most = real(gap)
+            for k in range(count):
+                if contacts.gap[k, row] > most:
+                    most = contacts.gap[k, row]
+                    place = k
+        return place
+
+    @wp.func
     def find_contacts(c: Colliders, y: t.vec3, time: real, dx: real, row: int, contacts: Contacts):
         count = int(-1)
         for k in range(c.kind.shape[0]):
@@ -40,13 +56,16 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 surface = real(ON) * dx
                 if c.kind[k] == SHEET:
                     surface = real(HALF) * dx
-                if phi < real(REACH) * dx and count < wp.static(CONTACTS):
-                    u = ask.rate(c, k, y, time)
-                    rub = c.friction[k]
-                    contacts.n[count, row] = t.vec4(n[0], n[1], n[2], rub[0])
-                    contacts.u[count, row] = t.vec4(u[0], u[1], u[2], rub[1])
-                    contacts.gap[count, row] = wp.max(phi - surface, real(0.0))
-                    count += 1
+                if phi < real(REACH) * dx:
+                    gap = wp.max(phi - surface, real(0.0))
+                    place = farthest_contact(contacts, row, count, gap)
+                    if place >= 0:
+                        u = ask.rate(c, k, y, time)
+                        rub = c.friction[k]
+                        contacts.n[place, row] = t.vec4(n[0], n[1], n[2], rub[0])
+                        contacts.u[place, row] = t.vec4(u[0], u[1], u[2], rub[1])
+                        contacts.gap[place, row] = gap
+                        count = wp.min(count + 1, wp.static(CONTACTS))
         return count
 
     @wp.func

@@ -13,7 +13,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 
-CONTACTS = 3                       # colliders that hold one corner, at most: a floor and two walls
+CONTACTS = 4                       # colliders that hold one corner, at most: the nearest
 
 
 @cache
@@ -28,11 +28,16 @@ def granular_tables(real) -> SimpleNamespace:
         rule: wp.array(dtype=t.vec4)       # volume [m^3], opening [1], slope of the cone [1], its width without pressure [Pa]
         S: wp.array(dtype=t.vec3)          # xx, yy, zz of minus the stress [Pa]: pressure counts as positive
         R: wp.array(dtype=t.vec3)          # yz, zx, xy of it [Pa]
+        G: wp.array2d(dtype=t.vec4)        # hourglass stress of component i: yz, zx, xy, xyz [Pa], see granular_sweeps.py
+        S_last: wp.array(dtype=t.vec3)     # of the sweep before [Pa]
+        R_last: wp.array(dtype=t.vec3)
+        G_last: wp.array2d(dtype=t.vec4)
         sum: wp.array2d(dtype=t.vec4)      # what a cell's particles give to its corner n: momentum [kg m/s], mass [kg]
 
     @wp.struct
     class SandCorners:
         v: wp.array(dtype=t.vec4)          # velocity [m/s], 1 / mass [1/kg], negative where a collider may hold it
+        last: wp.array(dtype=t.vec3)       # velocity without colliders, of the sweep before [m/s]
         held: wp.array(dtype=t.vec3)       # change of velocity by colliders [m/s]
         free: wp.array(dtype=t.vec3)       # 1 / mass that colliders leave it along each axis [1/kg]
         count: wp.array(dtype=int)         # colliders that may hold it; -1: none is near

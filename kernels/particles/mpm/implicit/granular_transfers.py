@@ -99,6 +99,8 @@ def sand_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
         V = rule[0]
         cells.S[cell] = S / V
         cells.R[cell] = R / V
+        for n in range(3):
+            cells.G[n, cell] = t.vec4()
         cells.rule[cell] = t.vec4(V, wp.max(rule[1] / V, -real(CLOSED)), rule[2] / V, rule[3] / V)
 
     def move_corners(g: T.BlockGrid, cells: sand.SandCells, materials: T.MaterialRows, c: Colliders,
