@@ -35,7 +35,7 @@ METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.l
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.nets.muscles"}                  # never each other
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
        "physics.rigid.joints.authored", "physics.rigid.joints.stacked", "physics.rigid.joints.passive",
-       "physics.rigid.joints.filters.usd",
+       "physics.rigid.joints.filters.usd", "physics.rigid.joints.actuators.usd",
        "physics.rigid.joints.instances.usd", "physics.contact.collider.cloud_usd", "physics.fluid.usd",
        "physics.fluid.liquid.usd", "physics.mpm.usd", "physics.animation.usd",
        "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")                       # of methods

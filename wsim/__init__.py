@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from wsim.physics.contact.collider.point_cloud import PointCloud
     from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
     from wsim.physics.fluid.objects import Fluid, Source
+    from wsim.physics.rigid.joints.actuators.actuator import Actuator
     from wsim.physics.rigid.joints.joint import Joint
     from wsim.physics.rigid.objects import Body
     from wsim.physics.rods.objects import Rods
@@ -60,6 +61,7 @@ _HOME = {
                      "Surface", "Soft", "Skin", "Problem", "SceneError", "Load", "Tie"), "wsim.scene"),
     "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Bulk": "wsim.scene.solid",
     "Fabric": "wsim.scene.fabric", "fabric": "wsim.scene.fabric", "shapes": "wsim.scene.shapes",
+    "Actuator": "wsim.physics.rigid.joints.actuators.actuator",
     "Body": "wsim.physics.rigid.objects", "Joint": "wsim.physics.rigid.joints.joint", "Rods": "wsim.physics.rods.objects",
     "Goal": "wsim.fitting.joints.goals", "JointTree": "wsim.fitting.joints.joint_tree",
     "Fluid": "wsim.physics.fluid.objects", "Source": "wsim.physics.fluid.objects",
@@ -71,10 +73,10 @@ _HOME = {
     "Recorder": "wsim.usd.result.recorder", "sweep": "wsim.sweep",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
-    "Body", "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Fluid", "Goal", "Joint",
-    "JointTree", "Liquid", "LiquidSource", "Load", "Motion", "Pin", "Plane", "PointCloud", "Problem", "Recorder", "Recording",
-    "Rods", "Scene", "SceneError", "Simulation", "Skeleton", "Skin", "Soft", "Source", "Sphere", "Springs", "Surface", "Tie",
-    "Track", "fabric", "fit", "load", "save", "shapes",
+    "Actuator", "Body", "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Fluid", "Goal",
+    "Joint", "JointTree", "Liquid", "LiquidSource", "Load", "Motion", "Pin", "Plane", "PointCloud", "Problem", "Recorder",
+    "Recording", "Rods", "Scene", "SceneError", "Simulation", "Skeleton", "Skin", "Soft", "Source", "Sphere", "Springs",
+    "Surface", "Tie", "Track", "fabric", "fit", "load", "save", "shapes",
 ]
 
 

@@ -153,6 +153,13 @@ def pressed() -> Recording:
     return recorded(scene, 2)
 
 
+def motored() -> Scene:
+    scene = alone()
+    scene.add(revolute_joint("/hinge", None, scene.things("Body")[0], at=(0.3, 0.0, 0.0), axis=(0.0, 0.0, 1.0)))
+    scene.actuator("motor", "/motor", "/hinge")
+    return scene
+
+
 def flush() -> Recording:
     """A box on another of its size, edge on edge: what is a corner, and what is cut off, is a matter of rounding."""
     scene = Scene(contact_tolerance=1e-9)
@@ -233,6 +240,7 @@ CASES = {
     "meshes": ("/rock", lambda: Simulation(resting(mesh=True), device="cpu", gradients=True)),
     "points": ("/ball", lambda: Simulation(resting(cloth=True), device="cpu", gradients=True)),
     "sleep": ("/ball", lambda: Simulation(resting(sleep=0.05, tolerance=1e-9), device="cpu", gradients=True)),
+    "actuators": ("/motor", lambda: Simulation(motored(), device="cpu", gradients=True)),
     "driven": ("/hinge", lambda: pressed().backward(twists={2: {"/thrown": np.ones((2, 3))}})),
     "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
     "idle": ("air_drag", lambda: inputs_by_name(recorded(alone()), ["air_drag"])),

@@ -20,6 +20,7 @@ from wsim.physics.animation.objects import Skeleton
 from wsim.physics.fluid.liquid.objects import Liquid
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.physics.mpm.objects import Granular, Jelly, MaterialPoints, Snow, Water
+from wsim.physics.rigid.joints.actuators.actuator import Actuator
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Load, Pin, Scene, SceneError, Varying, methods
@@ -136,7 +137,8 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 # the table itself
 
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
-          "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
+          "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,),
+          "Actuator": (Actuator,), "Fluid": (Fluid,), "Source": (Source,),
           "Liquid": (Liquid,), "Skeleton": (Skeleton,), "MaterialPoints": (MaterialPoints, Jelly, Snow, Granular, Water)}
 HELD = {"surface": "motion", "turns": "motion", "place": "motion",
         "mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",

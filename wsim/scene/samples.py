@@ -5,6 +5,7 @@ A prim that is not in the scene's stage is made in the result. How each kind is 
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -167,6 +168,19 @@ class ContactPoints:
                               np.where(turn, -1, self.element), self.point, sign * self.normal, self.gap, self.normal_force,
                               sign * self.friction)
         return found.rows(found.path0 == path)
+
+
+@dataclass(frozen=True, eq=False)
+class Controls:
+    """Controls of actuators on the device.
+
+    paths     prim paths of the actuators, in the order of the columns
+    values    array (worlds, actuators) of doubles on the device, which kernels read in place; of an actuator that follows a
+              curve it is not read until `Simulation.set` has set that control
+    """
+
+    paths: tuple[str, ...]
+    values: Any
 
 
 def join_contact_points(parts: Iterable[ContactPoints]) -> ContactPoints:

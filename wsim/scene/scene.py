@@ -181,12 +181,12 @@ class Scene(ArrayDataclass):
         """Adds a joint (`wsim.Joint`) of two rigid bodies, or their paths; None: the world. kind: "fixed", "revolute" (turns
         about `axis`), "prismatic" (slides along it) or "spherical"; at, axis (3,): in the world [m]. more: low and high [rad]
         or [m], between which it turns or slides, and fields of `Joint`. Raises SceneError for another kind or body."""
-        kinds = method_file("Joint", "joints.joint").KINDS
-        if kind not in kinds:
-            allowed = f"{', '.join(kinds)}; for any other, scene.add(wsim.Joint(...))"
-            raise SceneError(Problem(path, f"kind is {kind!r}; allowed is one of {allowed}"))
         ends = [self._rigid_body_at(path, body) for body in (body0, body1)]
-        return self.add(kinds[kind](path, *ends, at=at, axis=axis, **more))
+        return self.add(method_file("Joint", "joints.joint").joint_of_kind(kind, path, *ends, at=at, axis=axis, **more))
+
+    def actuator(self, kind: str, path: str, joint, control=0.0, **more) -> Any:
+        """Adds a `wsim.Actuator` on a joint: "motor", "position" or "velocity" servo, "general"; control: number or `Curve`."""
+        return method_file("Joint", "joints.actuators.actuator").add_actuator(self, kind, path, joint, control, **more)
 
     def _rigid_body_at(self, path: str, body) -> Any:
         """A rigid body by its path."""

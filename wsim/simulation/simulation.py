@@ -242,7 +242,7 @@ class Simulation(Readings):
         soft body     young, poisson, density; damping, pressure, yield_strain (where not 0 at the start)
         each of them  positions, velocities (world, author's order), rest_shape [m], static_friction, dynamic_friction
         rigid body    velocity, spin, force, torque, drag, spin_drag, mass, inertia; friction, restitution of its colliders
-        joint         stiffness, damping, target, speed of its drives
+        joint         stiffness, damping, target, speed of its drives; control of an actuator
         collider      motion (rigid), static_friction, dynamic_friction, thickness, restitution (where not 0 at the start)
         pin, load     motion of a pin; force or traction of a load: (3,), or as actuation
         fluid         lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities, acceleration

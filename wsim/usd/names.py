@@ -36,7 +36,9 @@ BINDING = "MaterialBindingAPI"
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
-WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
+WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID, WSIM_ACTUATOR = ("WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI",
+                                                         "WsimActuatorAPI")
+ACTUATORS = ("MjcActuator", "NewtonActuator")
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
 NEWTON_POINTS, NEWTON_MATERIAL, NEWTON_MPM_SCENE = "NewtonPointsDeformableSimAPI", "NewtonMPMMaterialAPI", "NewtonMPMSceneAPI"
@@ -161,6 +163,7 @@ OTHERS = (
     AttributeEntry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
     AttributeEntry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
     AttributeEntry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
+    AttributeEntry("Actuator", "axis", WSIM_ACTUATOR, "wsim:axis", "token", uniform=True),
 
     AttributeEntry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
     AttributeEntry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),
@@ -293,7 +296,4 @@ FOREIGN_TYPES = ("OmniPhysics", "PhysxPhysics")         # prims: OmniPhysicsVtxX
 FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 
 # Schemas of what wsim does not simulate, and what that is.
-FEATURES = {
-    "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "actuators of MuJoCo", "NewtonActuator": "actuators",
-    "MjcTendon": "tendons of MuJoCo",
-}
+FEATURES = {"PhysxVehicleAPI": "the vehicles of PhysX", "MjcTendon": "tendons of MuJoCo"}

@@ -30,6 +30,7 @@ places, per that there.
 
 import warp as wp
 
+from wsim.kernels.rigid.joint.actuation.row_laws import driven_row_law
 from wsim.kernels.rigid.joint.elimination import Linked, mat66d
 from wsim.kernels.rigid.joint.rows import own_joint_block
 from wsim.kernels.rigid.joint.tables import ACCELERATION, LOCKED, NONE
@@ -210,41 +211,30 @@ def renew_masses(j: int, J: Linked):
 @wp.func(inline=False)
 def prepare_row(j: int, r: int, s: int, h: wp.float64, rate: wp.float64, m: wp.float64, free: wp.float64, J: Linked):
     """One row of `prepare_drives`, of a rate, an effective mass, and that of `free_mass`."""
-    k = J.t.stiffness[j, r]
-    c = J.t.damping[j, r]
-    if J.t.drive[j, r] == ACCELERATION:
-        k = m * k
-        c = m * c
-    law = drive_coefficients(h * h * k, h * c, free)
-    before = J.t.target[j, r]
-    target = before
-    speed = J.t.speed[j, r]
-    last = speed
-    if J.t.aiming == 1:
-        before = J.t.aim[s, j, r]
-        target = J.t.aim[s + 1, j, r]
-        last = J.t.pace[s + 1, j, r]
-        speed = HALF * (J.t.pace[s, j, r] + last)
+    row = driven_row_law(j, r, s, h, rate, m, J)
+    J.limit[j, r] = row.most
+    law = drive_coefficients(h * h * row.k, h * row.c, free)
     now = J.now[j, r]
-    way = (target - before) / h
-    pull = h * (k * (before - now) + c * (speed - way))
+    way = (row.target - row.before) / h
+    pull = h * (row.k * (row.before - now) + row.c * (row.speed - way) + row.effort)
     a = wp.max(law.a, LEAST)
     J.early[j, r] = wp.vec2d(wp.float64(1.0) / a, -(HALF * pull + law.b * (rate - way)) / a - way)
     late = pull + law.a_last * way + law.b_last * (rate - way) + law.d * (way + now / h)
     J.late[j, r] = wp.vec4d(wp.float64(1.0) / wp.max(law.a_last, LEAST), late, law.d / h, m)
-    stiff = wp.max(h * k + c, LEAST)
-    J.beside[j, r] = wp.vec2d(wp.float64(1.0) / (h * stiff), (k * (now - target) - c * last) / stiff)
+    stiff = wp.max(h * row.k + row.c, LEAST)
+    beside = row.k * (now - row.target) - row.c * row.last - row.effort_last
+    J.beside[j, r] = wp.vec2d(wp.float64(1.0) / (h * stiff), beside / stiff)
 
 
 @wp.func
 def ask_drive(j: int, r: int, contact: int, h: wp.float64, lead: wp.float64, rate: wp.float64, J: Linked):
     """Sets soft, much and give of a drive before the places. lead: mean rate to where velocities lead; contact 1: `beside`."""
     law = J.early[j, r]
-    give = HALF * h * J.t.most[j, r]
+    give = HALF * h * J.limit[j, r]
     moves = lead
     if contact == 1:
         law = J.beside[j, r]
-        give = h * J.t.most[j, r]
+        give = h * J.limit[j, r]
         moves = rate
     if J.soft[j, r] != law[0]:
         J.active[j, r] = -1                    # what the factor is of has changed
@@ -259,17 +249,4 @@ def ask_drive_last(j: int, r: int, h: wp.float64, rate: wp.float64, J: Linked):
     law = J.late[j, r]
     J.soft[j, r] = law[0]
     J.much[j, r] = (law[1] - law[2] * J.now[j, r] - J.push[j, r]) * law[0] - rate
-    J.give[j, r] = h * J.t.most[j, r]
-
-
-@wp.func(inline=False)
-def speed_drive_work(j: int, h: wp.float64, J: Linked):
-    """Work [J] of drives that ask for a speed, in a substep: what is not the spring's, times that speed."""
-    work = wp.float64(0.0)
-    six = int(6)
-    for r in range(six):
-        if J.t.speed[j, r] != wp.float64(0.0) and J.t.drive[j, r] > NONE:
-            most = J.t.most[j, r]
-            spring = wp.clamp(J.t.stiffness[j, r] * (J.t.target[j, r] - J.now[j, r]), -most, most)
-            work += (J.push[j, r] - h * spring) * J.t.speed[j, r]
-    return work
+    J.give[j, r] = h * J.limit[j, r]

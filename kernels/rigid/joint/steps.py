@@ -1,7 +1,6 @@
 """Substeps of an island of joints: functions for one thread, and the kernel of islands that meet nothing.
 
-    placed   bodies' places and inertia, rows of joints, where a substep begins
-    begun    impulses to 0, laws of drives
+    placed   bodies' places and inertia, rows of joints; begun: impulses to 0, laws of drives
     solve    a sweep: where velocities lead to, what rows ask for, impulses that fit all of them (pivots.py)
     relax    velocities along what is held or driven, at the new places; joints that broke
 
@@ -16,8 +15,9 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.rotation import rotation_to_matrix
+from wsim.kernels.rigid.joint.actuation.row_laws import driven_rows_work
 from wsim.kernels.rigid.joint.coordinates import joint_coordinates, unwind_twist_angle
-from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, prepare_drives, renew_masses, speed_drive_work
+from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, prepare_drives, renew_masses
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.frames import ends_of, measure_turn, set_joint_rows
 from wsim.kernels.rigid.joint.pivots import solve_joint_pivots
@@ -39,8 +39,7 @@ def rounded_like(v: wp.vec3d, like: Any):
 @wp.func
 def joint_has_contact(j: int, J: Linked):
     """1 where a contact has touched the island of a joint in this substep (`then` notes it of all its bodies)."""
-    i = wp.max(J.t.a[j], J.t.b[j])
-    return wp.where(J.touched[i] == CONTACT, 1, 0)
+    return wp.where(J.touched[wp.max(J.t.a[j], J.t.b[j])] == CONTACT, 1, 0)
 
 
 @wp.func
@@ -232,7 +231,8 @@ def joint_step_functions(real):
             apply_joint_impulses(g, driving, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             note_broken_joint(j, h, J)
-            J.given[j] += speed_drive_work(j, h, J)
+            u, omega = rate_of(j, k, wp.float64(0.0), now, J)
+            J.given[j] += driven_rows_work(j, k, h, J.axis[j] * u, J.turn[j] * omega, J)
 
     @wp.func
     def kick_jointed_body(i: int, h: real, b: Bodies, now: Moving, J: Linked):
@@ -264,8 +264,8 @@ def joint_step_functions(real):
         now.q[i] = rounded_quaternion(q, now.q[i])
         now.o[i] = rounded_quaternion(q - double_quat(now.q[i], wp.quatd()), now.q[i])
 
-    return SimpleNamespace(placed=place_joint_island, begun=begin_joint_island, solve=solve_joint_island,
-                           relax=relax_joint_island, kicks=kick_jointed_body, place=place_jointed_body, rate_of=rate_of,
+    return SimpleNamespace(placed=place_joint_island, begun=begin_joint_island, solve=solve_joint_island, rate_of=rate_of,
+                           relax=relax_joint_island, kicks=kick_jointed_body, place=place_jointed_body,
                            given=apply_joint_impulses)
 
 

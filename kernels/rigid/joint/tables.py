@@ -10,6 +10,8 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.rigid.joint.actuation.actuators import Actuators
+
 FREE, LOCKED, LIMITED = wp.constant(0), wp.constant(1), wp.constant(2)
 NONE, FORCE, ACCELERATION = wp.constant(0), wp.constant(1), wp.constant(2)      # of a drive; of a row that is not active: NONE
 HELD, DRIVEN, LOWEST, HIGHEST = wp.constant(1), wp.constant(2), wp.constant(3), wp.constant(4)     # of an active row
@@ -60,6 +62,8 @@ def joint_table_structs():
         aiming: int                                  # 1: targets and speeds vary in time, [end of a substep, joint, row]
         aim: wp.array3d(dtype=wp.float64)            # in the place of target and speed; first where the frame begins
         pace: wp.array3d(dtype=wp.float64)
+        actuated: int                                # 1: some rows have actuators
+        actuators: Actuators
 
     @wp.struct
     class LinkedBodies:
@@ -89,6 +93,7 @@ def joint_table_structs():
         beside: wp.array2d(dtype=wp.vec2d)           # backward Euler, as `early`
         soft: wp.array2d(dtype=wp.float64)           # of a drive now: Gamma, and the impulse that it gives at most
         give: wp.array2d(dtype=wp.float64)
+        limit: wp.array2d(dtype=wp.float64)          # of a driven row in the substep: force at most, with actuators
         under: wp.array2d(dtype=wp.float64)          # what a row asks for: rates beyond its lowest end, or of a lock
         over: wp.array2d(dtype=wp.float64)           # beyond its highest
         much: wp.array2d(dtype=wp.float64)           # of a drive

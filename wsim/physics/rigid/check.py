@@ -33,6 +33,9 @@ def check(thing, scene: Scene) -> Iterator[Problem]:
     if type(thing).__name__ == "Joint":
         from wsim.physics.rigid.joints.check import check as joint
         yield from joint(thing, scene)
+    elif type(thing).__name__ == "Actuator":
+        from wsim.physics.rigid.joints.actuators.check import check as actuator
+        yield from actuator(thing, scene)
     else:
         from wsim.physics.rigid.joints.filters.groups import check_collision_filters as filters
         yield from filters(thing, scene)

@@ -63,7 +63,7 @@ class RigidMethod(Method):
         self.joints: Any = make_joints(b, self) if solids.enabled_joints(scene) else None
         self.offers = Ports(bodies=self)
         if self.joints:
-            self.offers.drive_targets = self.joints.aims.names if self.joints.aims else None
+            self.offers.drive_targets = self.joints.followed
             if self.sleep:
                 self.sleep.join(self.joints)
         self._add_rigid_stages(b)

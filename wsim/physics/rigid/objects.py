@@ -18,7 +18,8 @@ from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Motion
 
 DENSITY = 1000.0                             # [kg/m^3] where nothing is given, as USD has it
-OTHERS = {"Joint": "wsim.physics.rigid.joints.joint", "Group": "wsim.physics.rigid.joints.filters.groups",
+OTHERS = {"Joint": "wsim.physics.rigid.joints.joint", "Actuator": "wsim.physics.rigid.joints.actuators.actuator",
+          "Group": "wsim.physics.rigid.joints.filters.groups",
           "FilteredPairs": "wsim.physics.rigid.joints.filters.groups"}
 
 

@@ -57,6 +57,8 @@ class RigidSleep:
         t = joints.linked.t
         self.pairs = np.stack([t.a.numpy(), t.b.numpy()], axis=1)
         self.driven = ((t.drive.numpy() > 0) & (t.speed.numpy() != 0.0)).any(axis=1)
+        if joints.actuators:                             # what its control asks for is not known here
+            self.driven |= joints.actuators.stirred
         self.stirs = bool(self.driven.any()) or any(j.motion.moves for j in joints.joints)
         self._upload()
 

@@ -42,6 +42,8 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
     "the model 'springs' has shear in quads alone, and where it is not 0 at the start",
     "driven": lambda thing, name, scene: "" if thing.enabled and thing.driven() else
     "the joint has no drive, or is not enabled, so that nothing goes there",
+    "actuated": lambda thing, name, scene: "" if any(j.path == thing.joint and j.enabled for j in scene.things("Joint")) else
+    "its joint is not enabled, so that it does nothing",
     "bend": lambda thing, name, scene: "" if thing.material.bend else "it is 0 at the start, so that nothing bends against it",
 }
 

@@ -54,6 +54,8 @@ REFUSED: dict[str, Refused] = {
                      "sleep_speed (wsim:sleepSpeed) of 0"),
     "driven": Refused("drives that push a joint against its limit", "its drive pushes it against a limit, which has no "
                       "derivative; widen the limit, or take the drive out"),
+    "actuators": Refused("actuators of joints", "is an actuator, which has no derivative yet; take a drive of the joint, or "
+                         "leave out gradients=True"),
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "followed": Refused("a skeleton that nothing follows", "no pin and no collider follows it, so that nothing here knows its "

@@ -113,6 +113,8 @@ VALUES: list[ValueRow] = [
     *(ValueRow("Joint", name, unit, fit=LOG, gradient="body") for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"))),
     ValueRow("Joint", "target", "m", ANY, varies=True, needs=("driven",), fit=PLAIN, gradient="body"),
     ValueRow("Joint", "speed", "m/s", ANY, varies=True, needs=("driven",), why="no recording knows it yet; take target"),
+    ValueRow("Actuator", "control", "1", ANY, varies=True, needs=("actuated",),
+             usd=UsdAttribute("WsimActuatorAPI", "wsim:control"), why="no recording knows it yet; take target of a drive"),
     ValueRow("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
     *(ValueRow("Fluid", name, unit, ANY, usd=UsdAttribute(DOMAIN, f"wsim:fluid:{name}"), fit=ThetaMap("plain", high=high),

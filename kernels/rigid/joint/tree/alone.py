@@ -4,6 +4,7 @@ import warp as wp
 
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import joint_step_functions
+from wsim.kernels.rigid.joint.tree.actuator_forces import note_actuator_work
 from wsim.kernels.rigid.joint.tree.joint_forces import note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
@@ -34,6 +35,7 @@ def tree_substep_kernel(real, module):
             begin(g, d, b, T, J)
             for k in range(steps[0], steps[1]):
                 step(g, k, d, b, T, J)
+                note_actuator_work(g, k, d, T, J)
                 note_drive_work(g, k, d, T, J)
             place_tree(g, T)
             write(g, T, now)

@@ -22,6 +22,12 @@ import warp as wp
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import rounded_like
+from wsim.kernels.rigid.joint.tree.actuator_forces import (
+    actuator_stiffness,
+    add_actuator_forces,
+    add_actuator_inertia,
+    add_actuator_springs,
+)
 from wsim.kernels.rigid.joint.tree.joint_forces import (
     add_drive_forces,
     add_drive_inertia,
@@ -95,6 +101,7 @@ def tree_step_functions(real):
             T.tau[d] = wp.float64(0.0)
         tree_barrier()
         add_drive_forces(g, k, part, T, J)
+        add_actuator_forces(g, k, part, T, J)
         sum_tree_wrenches(g, T)
 
     @standalone_function
@@ -105,7 +112,8 @@ def tree_step_functions(real):
         assemble_tree_matrix(g, T)
         factor_tree_matrix(g, T)
         scale_accelerations(g, T, J)
-        T.soft_drives[g] = wp.where(drive_stiffness(g, h, T, J) < STIFF, 1, 0)
+        stiffness = wp.max(drive_stiffness(g, h, T, J), actuator_stiffness(g, h, T, J))
+        T.soft_drives[g] = wp.where(stiffness < STIFF, 1, 0)
         tree_barrier()
 
     @standalone_function
@@ -164,9 +172,11 @@ def tree_step_functions(real):
         evaluate_tree(g, k, GAMMA, h, b, T, J)
         copy_tree_matrix(g, T.H, T.H_before, T)
         add_drive_inertia(g, k, part, T, J)
+        add_actuator_inertia(g, k, part, T, J)
         factor_tree_matrix(g, T)
         copy_tree_matrix(g, T.H, T.W_factors, T)
         add_spring_forces(g, k, -part, T.qd, T, J)
+        add_actuator_springs(g, k, -part, T.qd, T, J)
         solve_tree_matrix(g, T.tau, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.gains[d] = T.tau[d]
@@ -187,6 +197,7 @@ def tree_step_functions(real):
         copy_tree_matrix(g, T.H_before, T.H, T)
         multiply_tree_matrix(g, T.rate, T.tau, T)
         add_spring_forces(g, k, -part, T.mean, T, J)
+        add_actuator_springs(g, k, -part, T.mean, T, J)
         copy_tree_matrix(g, T.W_factors, T.H, T)
         solve_tree_matrix(g, T.tau, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
@@ -215,6 +226,7 @@ def tree_step_functions(real):
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             add_drive_inertia(g, k, h, T, J)
+            add_actuator_inertia(g, k, h, T, J)
             factor_tree_matrix(g, T)
             T.left[g] = wp.max(T.left[g], solve_tree_limits(g, h, T, J))
             move_tree_coordinates(g, h, T.qd, T.q_before, T)

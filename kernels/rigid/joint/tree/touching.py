@@ -17,6 +17,7 @@ import warp as wp
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.contact import manifold_count_func, rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
+from wsim.kernels.rigid.joint.tree.actuator_forces import add_actuator_inertia, note_actuator_work
 from wsim.kernels.rigid.joint.tree.contacts import link_contact_functions
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia, note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
@@ -90,6 +91,7 @@ def tree_part_functions(real, meet):
         assemble_tree_matrix(g, T)
         if T.soft_drives[g] == 0:
             add_drive_inertia(g, k, wp.float64(h), T, J)
+            add_actuator_inertia(g, k, wp.float64(h), T, J)
         factor_tree_matrix(g, T)
         start_tree_limits(g, wp.float64(h), T, J)
         for link in range(T.t.first_link[g] + tree_lane(), T.t.first_link[g + 1], tree_lanes()):
@@ -240,6 +242,7 @@ def touching_tree_kernel(real, module, meet, coloured: bool, threads: int = 0, c
             sweep(team, k, h, 0, rig, J, T)
             for g in range(team.tree + team.number, team.last_tree, team.of):
                 close_tree_sweeps(g, T)
+                note_actuator_work(g, k, d, T, J)
                 note_drive_work(g, k, d, T, J)
                 write(g, T, rig.now)
 

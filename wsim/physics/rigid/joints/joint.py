@@ -18,6 +18,7 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.physics.rigid.objects import Body, vector3_or_none
+from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Motion
 
@@ -194,3 +195,11 @@ def _limits_or_none(name: str, low: float, high: float) -> dict[str, tuple[float
 
 # by name, for scenes
 KINDS = {"fixed": fixed_joint, "revolute": revolute_joint, "prismatic": prismatic_joint, "spherical": spherical_joint}
+
+
+def joint_of_kind(kind: str, path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+    """A joint of KINDS. Raises SceneError for another kind."""
+    if kind not in KINDS:
+        allowed = f"{', '.join(KINDS)}; for any other, scene.add(wsim.Joint(...))"
+        raise SceneError(Problem(path, f"kind is {kind!r}; allowed is one of {allowed}"))
+    return KINDS[kind](path, body0, body1, **more)

@@ -51,6 +51,16 @@ class DeviceJoints:
         self.ignored = ""                                     # said once: what these coordinates cannot have
         self.settle: Any = None
         self.aims = DriveTargets(self, found) if (found := varying_drive_targets(b.scene)) else None
+        self.actuators: Any = None
+        if any(a.joint in {joint.path for joint in self.given} for a in b.scene.things("Actuator")):
+            from wsim.physics.rigid.joints.actuators.controls import DeviceActuators
+            self.actuators = DeviceActuators(self, b.scene)
+            self.actuators.enter(self.linked)
+
+    @property
+    def followed(self) -> set[tuple[str, str]] | None:
+        """(path, name) of values that follow curves in each substep."""
+        return {name for each in (self.aims, self.actuators) if each for name in each.names} or None
 
     def _to_device(self, values, dtype):
         values = np.ascontiguousarray(values, np.int32 if dtype is int else np.float64)
@@ -100,7 +110,9 @@ class DeviceJoints:
             getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
 
     def set_value(self, path: str, name: str, value, world: int | None) -> bool:
-        """Stiffness, damping, target or speed of the drives of a joint."""
+        """Stiffness, damping, target or speed of the drives of a joint; the control of an actuator."""
+        if self.actuators and self.actuators.set_value(path, name, value, world):
+            return True
         rows = self.drives(path, world) if name in (*LIVE, "speed") else []
         if rows:
             array = getattr(self.linked.t, name)
@@ -126,8 +138,8 @@ class DeviceJoints:
     def _allocate_joint_work(self, n: int, bodies: int) -> dict[str, Any]:
         def zeros(shape, dtype=wp.float64):
             return wp.zeros(shape, dtype=dtype, device=self.device)
-        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "give", "rhs", "under", "over", "much",
-                                                      "change", "turned", "ease")}
+        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "give", "limit", "rhs", "under", "over",
+                                                  "much", "change", "turned", "ease")}
         found |= {name: zeros((n, 6), wp.vec2d) for name in ("early", "beside")} | {"late": zeros((n, 6), wp.vec4d)}
         found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "p", "L", "dp", "dL", "P", "T")}
         found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
@@ -137,8 +149,8 @@ class DeviceJoints:
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of anchors at the substeps of a frame; still ones once; what drives are asked for."""
-        if self.aims:
-            self.aims.before_frame(time, clock)
+        for each in filter(None, (self.aims, self.actuators)):
+            each.before_frame(time, clock)
         self.method.evaluates["anchors"] = [j.path for j in self.joints if j.motion.moves]
         moves = bool(self.method.evaluates["anchors"])
         known = (clock.substeps, tuple(id(j.motion) for j in self.joints))

@@ -33,11 +33,11 @@ def load(reading: StageReading, prim: Usd.Prim) -> Joint | None:
     group = stacked_joints(reading, prim)
     if prim != group[0]:
         return None
-    joints = [joint for each in group if (joint := _read_joint(reading, each)) is not None]
+    joints = [joint for each in group if (joint := read_single_joint(reading, each)) is not None]
     return merge_joints(reading, joints) if len(joints) > 1 else joints[0] if joints else None
 
 
-def _read_joint(reading: StageReading, prim: Usd.Prim) -> Joint | None:
+def read_single_joint(reading: StageReading, prim: Usd.Prim) -> Joint | None:
     path, api = str(prim.GetPath()), UsdPhysics.Joint(prim)
     targets = [_read_joint_target(reading, prim, rel) for rel in (api.GetBody0Rel(), api.GetBody1Rel())]
     if "" in targets:

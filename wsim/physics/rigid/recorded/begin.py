@@ -14,7 +14,9 @@ from wsim.scene.values.coverage import gradient_refusal
 
 
 def refuse_contacts(scene) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch what has no derivative."""
+    """Raises SceneError where bodies that are to be recorded can touch, or are driven by, what has no derivative."""
+    for actuator in scene.things("Actuator")[:1]:
+        raise gradient_refusal("actuators", actuator.path)
     if not (bodies_touch_points(scene) or has_rigid_contacts(scene)):
         return
     bodies = [body for body in scene.things("Body") if touching_colliders(body)]

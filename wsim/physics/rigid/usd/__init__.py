@@ -58,6 +58,9 @@ def load(reading: StageReading, prim: Usd.Prim) -> list:
     elif prim.IsA(UsdPhysics.Joint):
         from wsim.physics.rigid.joints.usd import load as joint
         found.append(joint(reading, prim))
+    elif prim.GetTypeName() in names.ACTUATORS:
+        from wsim.physics.rigid.joints.actuators.usd import load as actuator
+        found.append(actuator(reading, prim))
     if names.FILTERED_PAIRS in apis:
         from wsim.physics.rigid.joints.filters.usd import load_pairs
         found.append(load_pairs(reading, prim))
@@ -129,6 +132,10 @@ def author(stage: Usd.Stage, thing: Any, units: StageUnits) -> None:
     if isinstance(thing, Joint):
         from wsim.physics.rigid.joints.usd import author as joint
         joint(stage, thing, units)
+        return
+    if type(thing).__name__ == "Actuator":
+        from wsim.physics.rigid.joints.actuators.usd import author as actuator
+        actuator(stage, thing, units)
         return
     from wsim.physics.rigid.joints.filters.usd import author as filters
     filters(stage, thing, units)

@@ -132,7 +132,7 @@ class EnergyTerms:
         self.kernels.append(self.balance_bodies)
         self.each.append(self.sum_bodies)
         joints: Any = self.rigid.joints
-        if joints and any(j.drives for j in joints.joints):
+        if joints and (joints.actuators or any(j.drives for j in joints.joints)):
             from wsim.kernels.rigid.checks import balance_drives, joint_place_kernel
             self.balance_drives, self.place_joints = balance_drives, joint_place_kernel(self.model.real)
             self.kernels += [balance_drives, self.place_joints]

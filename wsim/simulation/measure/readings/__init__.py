@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from wsim.model.kernel_cache import GATE
-from wsim.scene.samples import ContactPoints
+from wsim.scene.samples import ContactPoints, Controls
 from wsim.simulation.measure import indicators as measure
 
 
@@ -28,6 +28,12 @@ class Readings:
         out. Raises SceneError for a path or a world that there is not."""
         from wsim.simulation.measure.readings.contact_points import contacts_of_path
         return contacts_of_path(self, path, world)
+
+    def controls(self) -> Controls:
+        """Controls of the actuators, as an array on the device that may be written in place between frames: no copy to the host
+        is made. Raises SceneError where there is no actuator."""
+        from wsim.simulation.measure.readings.joints import controls_of_actuators
+        return controls_of_actuators(self)
 
     def indicators(self) -> dict[str, float]:
         """Error indicators and energies now: strain, residual, penetration, energy [J]."""
