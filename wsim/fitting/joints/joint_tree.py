@@ -39,6 +39,9 @@ class JointTree:
         self.scene, self.method = bare.scene, bare.plan.ports.bodies
         self.trees = self.method.joints
         self.links = links = self.trees.links
+        if links.loops.kind:
+            said = "some of its joints close a loop" if max(links.loops.joint) >= 0 else "some of its joints mimic others"
+            raise SceneError(Problem("/", f"{said}; allowed are trees without; fix: remove or disable such joints"))
         self.bodies = [self.method.bodies[row][0].path for row in links.body]
         self.start = np.array(self.trees._start_coordinates())
         self.coordinates, self.dofs = self._names()

@@ -8,6 +8,8 @@ from wsim.kernels.rigid.joint.tree.actuator_forces import note_actuator_work
 from wsim.kernels.rigid.joint.tree.joint_forces import note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.loops.basis import constrain_tree_rates, ready_loops
+from wsim.kernels.rigid.joint.tree.loops.steps import constrain_tree_accelerations
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, solve_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.newton_euler import sum_tree_wrenches
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
@@ -72,6 +74,8 @@ def tree_velocity_kernel(real, module):
             tree_barrier()
             sum_tree_wrenches(g, T)
             solve_tree_matrix(g, T.tau, T)
+            ready_loops(g, T)
+            constrain_tree_rates(g, T.tau, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.tau[d]
 
@@ -91,5 +95,6 @@ def tree_acceleration_kernel(real, module):
             evaluate(g, 0, wp.float64(1.0), wp.float64(h), b, T, J)
             factor_tree_matrix(g, T)
             solve_tree_matrix(g, T.tau, T)
+            constrain_tree_accelerations(g, T)
 
     return wp.kernel(tree_accelerations, name="tree_accelerations", module=module, enable_backward=False)

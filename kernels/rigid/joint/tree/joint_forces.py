@@ -17,6 +17,7 @@ from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tables import ACCELERATION, NONE
 from wsim.kernels.rigid.joint.tree.kinematics import coordinate_quaternion
 from wsim.kernels.rigid.joint.tree.lanes import greatest_of_lanes, tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.loops.impulses import loop_column_share
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
@@ -125,9 +126,9 @@ def row_drive(j: int, r: int, k: int, part: wp.float64, J: Linked):
 
 @standalone_function
 @wp.func
-def row_response_column(r: JointRow, d: int, T: Trees):
-    """J H^-1 J^T [1/kg], [1/(kg m^2)]; Z (responses.py) becomes the column of dof d, which r is the row of. H is factored.
-    One lane."""
+def row_response_column(g: int, r: JointRow, d: int, T: Trees):
+    """J H^-1 J^T [1/kg], [1/(kg m^2)], as loops allow; Z (responses.py) becomes the column of dof d, which r is the row of. H
+    is factored. One lane."""
     t = T.t
     last = r.first + r.count - 1
     row = t.first_entry[last]
@@ -146,6 +147,8 @@ def row_response_column(r: JointRow, d: int, T: Trees):
         y = y / wp.sqrt(T.H[first])
         T.column[to + p] = y
         found += y * y
+    if T.loops.first_row[g + 1] > T.loops.first_row[g]:
+        found = wp.max(found - loop_column_share(g, d, last, T), wp.float64(1.0e-12) * found)
     return found
 
 
@@ -160,7 +163,7 @@ def scale_accelerations(g: int, T: Trees, J: Linked):
         T.mass[d] = wp.float64(1.0)
         if t.joint[link] >= 0:
             if J.t.drive[t.joint[link], t.row[d]] == ACCELERATION:
-                T.mass[d] = wp.float64(1.0) / row_response_column(tree_joint_row(link, d, T, J), d, T)
+                T.mass[d] = wp.float64(1.0) / row_response_column(g, tree_joint_row(link, d, T, J), d, T)
     tree_barrier()
 
 
@@ -224,7 +227,7 @@ def drive_stiffness(g: int, h: wp.float64, T: Trees, J: Linked):
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
             drive = row_drive(t.joint[link], t.row[d], 0, wp.float64(0.0), J)
             if drive.k > wp.float64(0.0) or drive.c > wp.float64(0.0):
-                much = T.mass[d] * row_response_column(tree_joint_row(link, d, T, J), d, T)
+                much = T.mass[d] * row_response_column(g, tree_joint_row(link, d, T, J), d, T)
                 found = wp.max(found, wp.max(h * h * drive.k * much, h * drive.c * much))
     tree_barrier()
     return greatest_of_lanes(found)

@@ -28,6 +28,19 @@ def coordinate_quaternion(c: int, q: wp.array(dtype=wp.float64)):
 
 @standalone_function
 @wp.func
+def last_link_dof(link: int, T: Trees):
+    """Last dof that moves link l, or -1."""
+    k = link
+    found = int(-1)
+    while k >= 0 and found < 0:
+        if T.t.first_dof[k + 1] > T.t.first_dof[k]:
+            found = T.t.first_dof[k + 1] - 1
+        k = T.t.parent[k]
+    return found
+
+
+@standalone_function
+@wp.func
 def place_tree_link(link: int, root: int, T: Trees):
     """Sets X, Q of link l and S of its joint, from coordinates. Its parent is placed."""
     t = T.t

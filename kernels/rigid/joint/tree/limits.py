@@ -15,12 +15,14 @@ from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tables import FAR, LIMITED
 from wsim.kernels.rigid.joint.tree.joint_forces import JointRow, row_rate, row_response_column, tree_joint_row
 from wsim.kernels.rigid.joint.tree.lanes import any_lane, tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.loops.impulses import keep_loops_of_row
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 SWEEPS = wp.constant(64)
 DONE = wp.constant(wp.float64(1.0e-12))      # of the largest rate: change in a sweep at which sweeps end
+AT = wp.constant(wp.float64(1.0e-6))         # [m], [rad] from a limit: there, behind the places
 BACK = wp.constant(wp.float64(0.2))
 REACH, NEAR = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(0.02))       # a blow may reach farther: then a step late
 
@@ -30,8 +32,8 @@ def limit_rates(r: JointRow, j: int, row: int, h: wp.float64, J: Linked):
     """(lowest, highest) rate that keeps g within its limits over h [s]; h = 0: that it has at a limit, behind the places."""
     zero = wp.float64(0.0)
     if h <= zero:
-        low = wp.where(r.g <= J.t.low[j, row], zero, -FAR)
-        high = wp.where(r.g >= J.t.high[j, row], zero, FAR)
+        low = wp.where(r.g <= J.t.low[j, row] + AT, zero, -FAR)
+        high = wp.where(r.g >= J.t.high[j, row] - AT, zero, FAR)
         return wp.vec2d(low, high)
     low = (J.t.low[j, row] - r.g) / h
     high = (J.t.high[j, row] - r.g) / h
@@ -117,7 +119,7 @@ def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
         if is_limited(link, d, T, J):
             acts = acts or near_limit(link, d, h, T, J)
         if acts:
-            T.response[d] = row_response_column(tree_joint_row(link, d, T, J), d, T)
+            T.response[d] = row_response_column(g, tree_joint_row(link, d, T, J), d, T)
             acting = 1
     tree_barrier()
     return any_lane(acting)
@@ -151,6 +153,7 @@ def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
                 before = T.rub[d]
                 rub = wp.clamp(before - rate / a, -T.rub_most[d], T.rub_most[d])
                 apply_row_impulse(d, rub - before, T)
+                keep_loops_of_row(g, d, last_row_dof(d, T), rub - before, T)
                 worst = wp.max(worst, a * wp.abs(rub - before))
                 most = wp.max(most, wp.abs(rate))
                 T.rub[d] = rub
@@ -161,6 +164,7 @@ def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
                 free = rate - a * before
                 push = (wp.clamp(free, ends[0], ends[1]) - free) / a
                 apply_row_impulse(d, push - before, T)
+                keep_loops_of_row(g, d, last_row_dof(d, T), push - before, T)
                 worst = wp.max(worst, a * wp.abs(push - before))
                 most = wp.max(most, wp.abs(rate))
                 T.push[d] = push

@@ -19,6 +19,7 @@ from wsim.kernels.rigid.joint.tree.lanes import (
     tree_lane,
     tree_lanes,
 )
+from wsim.kernels.rigid.joint.tree.loops.impulses import keep_loops_of_link, loop_link_share
 from wsim.kernels.rigid.joint.tree.mass_matrix import solve_lower_factor, tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees, mat66d, vec6d
 
@@ -105,6 +106,12 @@ def solve_link_responses(link: int, T: Trees):
             y += T.answer[to + 6 * p + r] * T.answer[to + 6 * p + c]
         T.swing[link][r, c] = y
     tree_barrier()
+    g = T.tree_of[link]
+    if T.loops.first_row[g + 1] > T.loops.first_row[g]:
+        less = loop_link_share(g, link, link, T)
+        for item in range(tree_lane(), six * six, tree_lanes()):
+            T.swing[link][item // 6, item % 6] = T.swing[link][item // 6, item % 6] - less[item // 6, item % 6]
+        tree_barrier()
 
 
 @standalone_function
@@ -127,6 +134,9 @@ def cross_response(k: int, link: int, T: Trees):
                     found[i, c] = found[i, c] + T.answer[at + i] * T.answer[to + c]
             p -= 1
             r -= 1
+    g = T.tree_of[link]
+    if T.loops.first_row[g + 1] > T.loops.first_row[g]:
+        found -= loop_link_share(g, k, link, T)
     return found
 
 
@@ -146,3 +156,4 @@ def push_link(link: int, wrench: vec6d, T: Trees):
             k = T.t.entry_dof[row + p]
             T.u[k] = T.u[k] + more
     tree_barrier()
+    keep_loops_of_link(T.tree_of[link], link, wrench, T)

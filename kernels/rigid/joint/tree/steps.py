@@ -42,6 +42,13 @@ from wsim.kernels.rigid.joint.tree.kinematics import (
 )
 from wsim.kernels.rigid.joint.tree.lanes import sum_over_lanes, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.limits import passes_tree_limit, solve_tree_limits
+from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
+from wsim.kernels.rigid.joint.tree.loops.steps import (
+    close_tree_loops,
+    constrain_tree_accelerations,
+    constrain_tree_stage,
+    note_tree_stage,
+)
 from wsim.kernels.rigid.joint.tree.mass_matrix import (
     assemble_tree_matrix,
     copy_tree_matrix,
@@ -111,6 +118,7 @@ def tree_step_functions(real):
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         factor_tree_matrix(g, T)
+        ready_loops(g, T)
         scale_accelerations(g, T, J)
         stiffness = wp.max(drive_stiffness(g, h, T, J), actuator_stiffness(g, h, T, J))
         T.soft_drives[g] = wp.where(stiffness < STIFF, 1, 0)
@@ -130,6 +138,7 @@ def tree_step_functions(real):
             evaluate_tree(g, k, first + at, h, b, T, J)
             factor_tree_matrix(g, T)
             solve_tree_matrix(g, T.tau, T)
+            constrain_tree_accelerations(g, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 weight = T.H[T.t.first_entry[d]]
                 if s == 0:
@@ -178,6 +187,7 @@ def tree_step_functions(real):
         add_spring_forces(g, k, -part, T.qd, T, J)
         add_actuator_springs(g, k, -part, T.qd, T, J)
         solve_tree_matrix(g, T.tau, T)
+        constrain_tree_accelerations(g, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.gains[d] = T.tau[d]
             T.rates[d] = T.qd[d] + part * T.tau[d]
@@ -187,6 +197,7 @@ def tree_step_functions(real):
         evaluate_tree(g, k, wp.float64(1.0) - GAMMA, h, b, T, J)
         factor_tree_matrix(g, T)
         solve_tree_matrix(g, T.tau, T)
+        constrain_tree_accelerations(g, T)
         tangent_rates(g, h, T.rates, T)
         two = wp.float64(2.0)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
@@ -196,10 +207,12 @@ def tree_step_functions(real):
         copy_tree_state(g, T.q_before, T.qd_before, T.q, T.qd, T)
         copy_tree_matrix(g, T.H_before, T.H, T)
         multiply_tree_matrix(g, T.rate, T.tau, T)
+        note_tree_stage(g, T)
         add_spring_forces(g, k, -part, T.mean, T, J)
         add_actuator_springs(g, k, -part, T.mean, T, J)
         copy_tree_matrix(g, T.W_factors, T.H, T)
         solve_tree_matrix(g, T.tau, T)
+        constrain_tree_stage(g, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.qd[d] = T.qd_before[d] + h * (wp.float64(1.5) * T.gains[d] + wp.float64(0.5) * T.tau[d])
             T.rates[d] = wp.float64(1.5) * T.rates[d] + wp.float64(0.5) * (T.mean[d] + part * T.tau[d])
@@ -228,15 +241,20 @@ def tree_step_functions(real):
             add_drive_inertia(g, k, h, T, J)
             add_actuator_inertia(g, k, h, T, J)
             factor_tree_matrix(g, T)
+            ready_loops(g, T)
             T.left[g] = wp.max(T.left[g], solve_tree_limits(g, h, T, J))
             move_tree_coordinates(g, h, T.qd, T.q_before, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.qd[d] + T.gains[d]
             tree_barrier()
+            close_tree_loops(g, T)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             factor_tree_matrix(g, T)
+            ready_loops(g, T)
             T.left[g] = wp.max(T.left[g], solve_tree_limits(g, wp.float64(0.0), T, J))
+        else:
+            close_tree_loops(g, T)
 
     @standalone_function
     @wp.func

@@ -21,8 +21,43 @@ from functools import cache
 
 import warp as wp
 
+LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC = wp.constant(0), wp.constant(1), wp.constant(2)
+vec5d = wp.types.vector(5, wp.float64)
 vec6d = wp.types.vector(6, wp.float64)
 mat66d = wp.types.matrix((6, 6), wp.float64)
+
+
+@cache
+def loop_struct():
+    """Equations between coordinates of a tree, a row each (loops/equations.py)."""
+    @wp.struct
+    class TreeLoops:
+        first_row: wp.array(dtype=int)               # of trees, and one more
+        kind: wp.array(dtype=int)                    # of rows: LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC
+        a: wp.array(dtype=int)                       # a link, or -1: the world; of mimics the dof that follows, and is followed
+        b: wp.array(dtype=int)
+        c_a: wp.array(dtype=int)                     # of mimics: their coordinates
+        c_b: wp.array(dtype=int)
+        at_a: wp.array(dtype=wp.vec3d)               # place [m], axis: in principal axes of a link, or of the world
+        at_b: wp.array(dtype=wp.vec3d)
+        e_a: wp.array(dtype=wp.vec3d)
+        e_b: wp.array(dtype=wp.vec3d)
+        coefficients: wp.array(dtype=vec5d)          # of mimics: of powers 0 to 4
+        first_value: wp.array(dtype=int)             # place of a row's J and Q, (dofs of the tree) each
+        first_square: wp.array(dtype=int)            # of trees: of R, (rows, rows)
+        J: wp.array(dtype=wp.float64)
+        Q: wp.array(dtype=wp.float64)                # unit columns in the places of their rows
+        R: wp.array(dtype=wp.float64)
+        left: wp.array(dtype=wp.float64)             # of rows: size^2 of what others do not imply, and of the whole motion
+        size: wp.array(dtype=wp.float64)
+        order: wp.array(dtype=int)                   # rows of a tree by pivots
+        rank: wp.array(dtype=int)                    # of trees
+        C: wp.array(dtype=wp.float64)                # of rows: what is not closed [m], [rad]
+        z: wp.array(dtype=wp.float64)                # of rows
+        x: wp.array(dtype=wp.float64)                # of dofs
+        like: wp.array(dtype=wp.float64)             # of dofs: rates of a stage before its linear system
+
+    return TreeLoops
 
 
 @cache
@@ -61,9 +96,12 @@ def tree_structs():
         dof_end: wp.array(dtype=int)                 # of dofs: those behind it are the ones between, this one left out
         entry_dof: wp.array(dtype=int)               # of entries of H: the dof of their column
 
+    TreeLoops = loop_struct()
+
     @wp.struct
     class Trees:
         t: TreeTable
+        loops: TreeLoops
         q: wp.array(dtype=wp.float64)
         qd: wp.array(dtype=wp.float64)
         X: wp.array(dtype=wp.vec3d)                  # of links: centre of mass, and principal axes to the world

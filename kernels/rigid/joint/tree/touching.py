@@ -23,6 +23,8 @@ from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia, note_d
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.limits import reset_limit_impulses, start_tree_limits, sweep_tree_limits
+from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
+from wsim.kernels.rigid.joint.tree.loops.steps import close_tree_loops
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps, solve_link_responses
 from wsim.kernels.rigid.joint.tree.stages import copy_tree_state
@@ -93,6 +95,7 @@ def tree_part_functions(real, meet):
             add_drive_inertia(g, k, wp.float64(h), T, J)
             add_actuator_inertia(g, k, wp.float64(h), T, J)
         factor_tree_matrix(g, T)
+        ready_loops(g, T)
         start_tree_limits(g, wp.float64(h), T, J)
         for link in range(T.t.first_link[g] + tree_lane(), T.t.first_link[g + 1], tree_lanes()):
             T.met[link] = 0
@@ -140,6 +143,7 @@ def tree_part_functions(real, meet):
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.qd[d] = P.qd[d] + (T.qd[d] - P.rates[d])
         tree_barrier()
+        close_tree_loops(g, T)
 
     @standalone_function
     @wp.func

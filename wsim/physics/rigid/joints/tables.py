@@ -74,7 +74,7 @@ class DeviceJoints:
 
         def tiled(values, dtype):
             return up(np.concatenate([np.asarray(values)] * worlds), dtype)
-        sides = self._side_frames(masses)
+        sides = self.side_frames(masses)
         self.anchor = np.array([_anchor_origin(j) for j in self.joints])
         from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
         body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
@@ -95,7 +95,7 @@ class DeviceJoints:
         self.linked = fill_struct(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
                                   **self._allocate_joint_work(n * worlds, bodies))
 
-    def _side_frames(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
+    def side_frames(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
         """Frames of all joints of the first world on a, then b, one joint after the other."""
         return [_joint_frame_in_body(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
                 for k, row in enumerate(pair)]
@@ -104,7 +104,7 @@ class DeviceJoints:
         """Other masses, moments and principal axes of the bodies."""
         t, worlds = self.linked.t, self.model.worlds
         t.w.assign(np.array([1.0 / m.mass for m in masses]))
-        every = [self._side_frames(masses[w * len(masses) // worlds:]) for w in range(worlds)]
+        every = [self.side_frames(masses[w * len(masses) // worlds:]) for w in range(worlds)]
         for k, name in enumerate(("a", "b")):
             getattr(t, f"at_{name}").assign(np.array([s[0] for sides in every for s in sides[k::2]]))
             getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))

@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
+from wsim.physics.rigid.joints.trees.loops import LoopRows, closing_joint, mimic_rows, spanning_joints
 
 ORDER = ("rotY", "rotZ", "rotX")                    # hinges, outermost first: swing, then twist
 FITS = (1e-4, 1e-3)                                 # [m], [rad] by which bodies may stand off from what their joints allow
@@ -28,8 +29,6 @@ def unsupported_joint(joint: Joint) -> str:
         return "it limits a distance"
     if min(joint.force, joint.torque) < inf:
         return "it may break"
-    if joint.mimics:
-        return "it mimics another joint"
     if joint.motion.moves:
         return "what it hangs from moves"
     if hinges == ["rotY", "rotZ"]:
@@ -76,6 +75,7 @@ class TreeLinks:
     dof_link: list[int] = field(default_factory=list)
     dof_end: list[int] = field(default_factory=list)
     entry_dof: list[int] = field(default_factory=list)
+    loops: LoopRows = field(default_factory=LoopRows)
 
     def add_link(self, body: int, parent: int, joint: int, given: Joint | None, swapped: bool) -> None:
         """One more link, whose joint is `given`; None: it is free."""
@@ -124,6 +124,7 @@ class TreeLinks:
             if self.dof_parent[d] >= 0:
                 ends[self.dof_parent[d]] = max(ends[self.dof_parent[d]], ends[d])
         self.dof_end += [ends[d] for d in own]
+        self.loops.end_tree(len(own))
 
 
 def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, first_body: np.ndarray,
@@ -135,34 +136,45 @@ def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, 
     for g in range(len(first_joint) - 1):
         own = range(first_joint[g], first_joint[g + 1])
         bodies = body[first_body[g]:first_body[g + 1]].tolist()
-        hung = [j for j in own if pairs[j].min() < 0]
         for j in own:
             if why := unsupported_joint(joints[j]):
                 return None, f"{joints[j].path}: {why}"
-        if len(own) and len(own) != len(bodies) - 1 + len(hung) or len(hung) > 1:
-            return None, f"{joints[own[0]].path}: its joints close a loop"
         if len(own):
-            path = _link_order(joints, pairs, list(own), bodies, hung)
-            if path is None:
-                return None, f"{joints[own[0]].path}: its bodies would need a joint turned round"
-            numbers: dict[int, int] = {}
-            for row, parent, j, swapped in path:
-                numbers[row] = len(found.body)
-                found.add_link(row, numbers.get(parent, -1), j, joints[j] if j >= 0 else None, swapped)
+            why = _add_tree(found, joints, pairs, list(own), bodies)
+            if why:
+                return None, why
         elif lone:
             found.add_link(bodies[0], -1, -1, None, False)
         found.end_tree()
     return found, ""
 
 
-def _link_order(joints, pairs, own, bodies, hung) -> list[tuple[int, int, int, bool]] | None:
+def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: list[int], bodies: list[int]) -> str:
+    """Adds the links and loops of an island; returns why it has no reduced coordinates."""
+    kept, cut = spanning_joints(joints, pairs, own)
+    for j in cut:
+        if why := closing_joint(joints[j]):
+            return f"{joints[j].path}: it closes a loop, and all joints of that have {why} or the like"
+    path = _link_order(joints, pairs, kept, bodies)
+    if path is None:
+        return f"{joints[own[0]].path}: its bodies would need a joint turned round"
+    numbers, link_of = {-1: -1}, dict[int, int]()
+    for row, parent, j, swapped in path:
+        numbers[row] = link_of[j] = len(found.body)
+        found.add_link(row, numbers.get(parent, -1), j, joints[j] if j >= 0 else None, swapped)
+    for j in cut:
+        found.loops.add_joint(j, joints[j], (numbers[int(pairs[j][0])], numbers[int(pairs[j][1])]))
+    return mimic_rows(found.loops, joints, own, link_of, found)
+
+
+def _link_order(joints, pairs, own, bodies) -> list[tuple[int, int, int, bool]] | None:
     """(body, its parent, joint, whether that is turned round) from a root on, depth first; None: no root will do."""
     near: dict[int, list[int]] = {}
     for j in own:
         for row in pairs[j].tolist():
             near.setdefault(row, []).append(j)
     children = {int(pairs[j][1]) for j in own}
-    roots = [-1] if hung else sorted(bodies, key=lambda row: row in children)
+    roots = [-1] if -1 in near else sorted(bodies, key=lambda row: row in children)
     for root in roots:
         order: list[tuple[int, int, int, bool]] = []
         stack, seen, fits = [(root, -1, -1, False)], set[int](), True

@@ -14,7 +14,9 @@ from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.joint import AXES, PASSIVE
 from wsim.physics.rigid.joints.tables import DeviceJoints
-from wsim.physics.rigid.joints.trees.links import tree_links
+from wsim.physics.rigid.joints.trees.links import FITS, tree_links
+from wsim.physics.rigid.joints.trees.loop_tables import loop_tables, tree_loop_frames
+from wsim.physics.rigid.joints.trees.loops import MIMIC, loop_gaps, start_violations
 
 COORDINATES = (StateField("joint_q", "", True, "joint coordinates [m], [rad]; of balls quaternions (x, y, z, w)", "double"),)
 SPEEDS = (StateField("joint_qd", "", True, "generalised velocities [m/s], [rad/s]", "double"),)
@@ -87,11 +89,18 @@ class DeviceTrees(DeviceJoints):
                         axis=up(np.tile(np.reshape(links.axis, (-1, 3)), (worlds, 1)), wp.vec3d),
                         **{name: up(np.tile(self._dof_values(name), worlds), wp.float64) for name in PASSIVE})
         more = {"first_column": up(of_worlds("first_column"), int)} | self._contact_tables(of_worlds)
-        self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, **more, **self._tree_work(sizes, worlds))
+        loops = loop_tables(self, sizes)
+        self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, loops=loops(), **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
             scratch = {name: wp.zeros_like(array) for name, array in (("q", self.q), ("qd", self.qd))}
             scratch |= self._tree_work(sizes, worlds) | {"mass": self.trees.mass}
-            self.scratch = fill_struct(Trees, t=t, **more, **scratch)
+            self.scratch = fill_struct(Trees, t=t, loops=loops(), **more, **scratch)
+
+    def world_frame(self, j: int, swapped: bool, root: int) -> tuple[np.ndarray, np.ndarray]:
+        """Frame of a joint on what does not move by forces, from where a tree's first link began. swapped: on side 1."""
+        M, joint = self.joints[j].motion.at(0.0), self.joints[j]
+        at = self.anchor[j] - self.method.origin[self.links.body[root]]
+        return at, rotation.quat_product(rotation.matrix_quat(M[:3, :3]), joint.turn1 if swapped else joint.turn0)
 
     def _dof_values(self, name: str) -> np.ndarray:
         """Armature or friction of dofs of a world, (dofs,)."""
@@ -149,7 +158,7 @@ class DeviceTrees(DeviceJoints):
     def _link_frames(self) -> dict[str, np.ndarray]:
         """Frames of the joints of links on the parent, a, and on the child, b; of a root those of the world."""
         links, one, roots = self.links, np.array([0.0, 0.0, 0.0, 1.0]), self._root_of()
-        sides = self._side_frames(self.method.masses)
+        sides = self.side_frames(self.method.masses)
         rows = []
         for link, (j, swapped) in enumerate(zip(links.joint, links.swapped, strict=True)):
             if j < 0:
@@ -158,10 +167,7 @@ class DeviceTrees(DeviceJoints):
             a, b = (2 * j + 1, 2 * j) if swapped else (2 * j, 2 * j + 1)
             at, turn = sides[a]
             if links.parent[link] < 0:
-                M, joint = self.joints[j].motion.at(0.0), self.joints[j]
-                own = joint.turn1 if swapped else joint.turn0
-                at = self.anchor[j] - self.method.origin[links.body[roots[link]]]
-                turn = rotation.quat_product(rotation.matrix_quat(M[:3, :3]), own)
+                at, turn = self.world_frame(j, swapped, int(roots[link]))
             rows.append((at, rotation.unit_quat(turn), *sides[b]))
         return {name: np.array([row[k] for row in rows]).reshape(len(rows), -1)
                 for k, name in enumerate(("at_a", "turn_a", "at_b", "turn_b"))}
@@ -172,7 +178,17 @@ class DeviceTrees(DeviceJoints):
         from wsim.physics.rigid.joints.trees.start import start_coordinates
         rows = np.array(self.links.body, int) + world * (len(self.method.bodies) // self.model.worlds)
         places = self._link_starts() + (0.0 if shift is None else shift[rows])
-        return start_coordinates(self.links, self._link_frames(), places, self.method.turns()[rows].reshape(-1, 4), self.joints)
+        turns = self.method.turns()[rows].reshape(-1, 4)
+        q = start_coordinates(self.links, self._link_frames(), places, turns, self.joints)
+        C, loops = start_violations(self.links.loops, tree_loop_frames(self), q, places, turns), self.links.loops
+        for r, gap in enumerate(np.abs(C).tolist()):
+            if loops.kind[r] != MIMIC and gap > FITS[loops.kind[r]]:
+                raise ValueError(f"{self.joints[loops.joint[r]].path}: its bodies stand {gap:.3g} "
+                                 f"{('m', 'rad')[loops.kind[r]]} off from what it allows")
+        if (jump := np.abs(C[np.array(loops.kind, int) == MIMIC]).max(initial=0.0)) > FITS[1]:
+            self.ignored = (f"a joint starts {jump:.3g} m or rad off from the joint that it mimics, and jumps there; fix: "
+                            "author poses that agree with the mimics")
+        return q
 
     def _tree_module(self, name: str) -> str:
         return self.model.shared_module(name, threads=LANES if self.device.is_cuda else 0)
@@ -224,9 +240,9 @@ class DeviceTrees(DeviceJoints):
                                                 for w in range(self.model.worlds)])
         t.mass.assign(np.array([masses[k].mass for k in rows]))
         t.moments.assign(np.array([masses[k].moments for k in rows]))
-        frames = self._link_frames()
-        for name in frames:
-            getattr(t, name).assign(np.tile(frames[name], (self.model.worlds, 1)))
+        for table, frames in ((t, self._link_frames()), (self.trees.loops, tree_loop_frames(self))):
+            for name, values in frames.items():
+                getattr(table, name).assign(np.tile(values, (self.model.worlds, 1)))
         self.stale = True
 
     def advance(self, kernel, clock: Clock, bodies, now) -> None:
@@ -243,10 +259,12 @@ class DeviceTrees(DeviceJoints):
         return self.trees.tau.numpy()[:len(self.qd)]
 
     def error(self) -> tuple[float, float]:
-        """Reduced coordinates have no error of locked axes."""
-        return 0.0, 0.0
+        """Gaps of joints that close loops now, at most: [m], [rad]. Other locked axes have no error."""
+        return loop_gaps(self.links.loops, self.trees.loops.C.numpy()[:len(self.links.loops.kind) * self.model.worlds])
 
     @property
     def what(self) -> str:
         trees = int((np.diff(self.order.first_joint) > 0).sum())
-        return f"{trees} trees of {self.links.first_dof[-1] * self.model.worlds} degrees of freedom in reduced coordinates"
+        rows = len(self.links.loops.kind) * self.model.worlds
+        return (f"{trees} trees of {self.links.first_dof[-1] * self.model.worlds} degrees of freedom in reduced coordinates"
+                + f", {rows} equations of loops and mimics" * (rows > 0))
