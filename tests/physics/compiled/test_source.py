@@ -119,6 +119,14 @@ def test_what_is_only_read_goes_by_reference_and_nothing_else():
     assert " & var_pair" not in parameters(text, "replaced") and " & var_pair" not in parameters(text, "bumped")
 
 
+def test_a_native_function_of_one_line_does_not_hide_the_next():
+    """Its body ends without a line break, as Warp writes a snippet that has none."""
+    text = generated()
+    before = next(head.start() for head in source.HEAD.finditer(text) if head[3] == "read_0")
+    native = "static CUDA_CALLABLE void native_0(\n    wp::int32 i)\n{\na.data[i] = 0;}\n\n\n"
+    assert " & var_both" in parameters(source.rewrite_functions(text[:before] + native + text[before:]), "read")
+
+
 KERNEL = """struct Pair_1
 {
     wp::array_t<wp::float32> a;

@@ -23,6 +23,7 @@ from wsim.model.compiler import header
 
 HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)\{\n", re.M)
 END = "\n}\n"
+ONE_LINE = re.compile(r"^(\S.*;)\}$", re.M)          # the body of a native function that ends without a line break
 STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)
 ROOM = re.compile(r"^( +)wp::fixedarray_t<(\d+), (.+)> (var_\w+);$", re.M)
 MADE = re.compile(r"^( +)(var_\w+) = wp::fixedarray_t<\d+, .+>\(\w+\);$", re.M)
@@ -50,7 +51,7 @@ LOAD = re.compile(r"\s*var_\w+ = wp::load\((var_\w+)\);|\s*[\w:<>, ]+\* (var_\w+
 def rewrite_functions(text: str) -> str:
     """The source of a module with its functions, and the kernels of a GPU, rewritten."""
     structs = {name for name in STRUCT.findall(text) if not name.startswith("wp_args")}
-    text = _rewrite_thread_arrays(text)
+    text = _rewrite_thread_arrays(ONE_LINE.sub(r"\1\n}", text))
     text = KERNEL.sub(partial(_rewrite_kernel_head, text, structs), text)
     parts, at = [], 0
     for head in HEAD.finditer(text):

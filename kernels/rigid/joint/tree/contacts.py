@@ -21,6 +21,7 @@ from wsim.kernels.rigid.impulse import impulse_formulas, tangent_func
 from wsim.kernels.rigid.joint.tree.lanes import (
     column_lane,
     column_lanes,
+    entry_store_functions,
     row_lane,
     row_lanes,
     tree_barrier,
@@ -66,7 +67,7 @@ def twist_at(V: vec6d, x: wp.vec3d):
 def link_contact_functions(real):
     """prepare, warm, solve: functions of a manifold m."""
     t, Rig, friction_of = types(real), rig_type(real), surface_law_functions(real)[0]
-    formulas = impulse_formulas(real)
+    formulas, (store_normal, store_tangent) = impulse_formulas(real), entry_store_functions(t.mat44, t.vec3, real)
     prepare_arms, rubbed = formulas[1], formulas[7]
     first, together, (goal, fastest) = tangent_func(real), manifold_impulse_func(real), contact_goal_functions(real)
 
@@ -154,11 +155,11 @@ def link_contact_functions(real):
                     found = wp.where(i == e, real(1.0), real(0.0))
                     if i < count and e < count:
                         found = line_response(pair, m, i, n, e, n, rig)
-                    rig.work.A[m][i, e] = found
+                    store_normal(rig.work.A, m, i, e, found)
                 if i < count:
                     for e in range(column_lane(), three, column_lanes()):
-                        rig.work.K[4 * m + i][e] = line_response(pair, m, i, wp.where(e == 2, t2, t1), i,
-                                                                 wp.where(e == 0, t1, t2), rig)
+                        found = line_response(pair, m, i, wp.where(e == 2, t2, t1), i, wp.where(e == 0, t1, t2), rig)
+                        store_tangent(rig.work.K, 4 * m + i, e, found)
             tree_barrier()
 
     @standalone_function

@@ -5,6 +5,8 @@ and columns of lanes. A function that writes arrays ends with `tree_barrier`, so
 same way through what is not such a loop.
 """
 
+from functools import cache
+
 import warp as wp
 
 LANES = 32               # of a tree on a GPU; lanes of rows and columns: 8 and 4
@@ -116,3 +118,16 @@ def greatest_of_lanes(x: wp.float64) -> wp.float64:
 def any_lane(flag: int) -> int:
     """1 in all lanes if it is not 0 in one."""
     ...
+
+
+@cache
+def entry_store_functions(matrix, vector, real):
+    """(store_matrix_entry, store_vector_entry): one entry of a matrix or a vector in an array, by one lane. By Warp's own form
+    a function writes its struct, which is then copied for each call (wsim/model/compiler/source.py)."""
+    @wp.func_native("a.data[i].data[r][c] = value;\n")
+    def store_matrix_entry(a: wp.array(dtype=matrix), i: int, r: int, c: int, value: real): ...
+
+    @wp.func_native("a.data[i].c[r] = value;\n")
+    def store_vector_entry(a: wp.array(dtype=vector), i: int, r: int, value: real): ...
+
+    return store_matrix_entry, store_vector_entry

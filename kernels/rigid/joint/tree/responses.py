@@ -13,6 +13,7 @@ from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.joint.tree.lanes import (
     column_lane,
     column_lanes,
+    entry_store_functions,
     row_lane,
     row_lanes,
     tree_barrier,
@@ -22,6 +23,8 @@ from wsim.kernels.rigid.joint.tree.lanes import (
 from wsim.kernels.rigid.joint.tree.loops.impulses import keep_loops_of_link, loop_link_share
 from wsim.kernels.rigid.joint.tree.mass_matrix import solve_lower_factor, tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees, mat66d, vec6d
+
+store_response = entry_store_functions(mat66d, vec6d, wp.float64)[0]
 
 
 @standalone_function
@@ -104,7 +107,7 @@ def solve_link_responses(link: int, T: Trees):
         y = wp.float64(0.0)
         for p in range(n):
             y += T.answer[to + 6 * p + r] * T.answer[to + 6 * p + c]
-        T.swing[link][r, c] = y
+        store_response(T.swing, link, r, c, y)
     tree_barrier()
     g = T.tree_of[link]
     if T.loops.first_row[g + 1] > T.loops.first_row[g]:
