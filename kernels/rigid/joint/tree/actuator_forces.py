@@ -87,7 +87,7 @@ def actuator_stiffness(g: int, h: wp.float64, T: Trees, J: Linked):
             for d in range(t.first_dof[link], t.first_dof[link + 1]):
                 j = t.joint[link]
                 if is_actuated(j, t.row[d], J):
-                    much = row_response_column(tree_joint_row(link, d, T, J), d, T)
+                    much = row_response_column(g, tree_joint_row(link, d, T, J), d, T)
                     for i in range(J.t.actuators.first[j, t.row[d]], J.t.actuators.first[j, t.row[d] + 1]):
                         law = actuator_law(J.t.actuators.entry[i], 0, wp.float64(0.0), J.t.actuators)
                         found = wp.max(found, wp.max(h * h * law.k * much, h * law.c * much))
