@@ -47,7 +47,7 @@ FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_p
          "cavity": ((64, 64, 1), 1), "waved_flag": ((26, 24, 32), 1)}                                   # cells, sources
 LIQUID = {"dam_break": ((30, 18, 9), 7776), "floating_boxes": ((30, 18, 10), 8640)}       # cells, particles
 SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3, 642)}     # points, pinned, joints, skinned
-RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96)}            # strands, points of each
+RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96), "rope_bridge": (2, 43)}   # strands, points
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
 every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS])

@@ -1,9 +1,10 @@
-"""Example scenes of rods: hair on a shaken head, a knot that is pulled tight, a rope that falls into a cloth."""
+"""Example scenes of rods: hair on a shaken head, a knot that is pulled tight, a rope that falls into a cloth, a bridge."""
 
 import numpy as np
 
 from tools.scenes.cloth import cloth
 from tools.scenes.cloth import material as fabric
+from tools.scenes.rigid import WOOD, body
 from tools.scenes.soft import eased, samples
 from tools.usda import block, listed, number, pin, said, scene, settings, solid
 from wsim.scene import shapes
@@ -166,4 +167,51 @@ def rope_on_cloth() -> str:
     ], frames=72)
 
 
-ROD_SCENES = {"shaken_head": shaken_head, "rope_knot": rope_knot, "rope_on_cloth": rope_on_cloth}
+def rope_bridge() -> str:
+    planks, each, half = 14, 0.2, 0.4
+    n, middle = 3 * planks + 1, each * (np.arange(planks) - 0.5 * (planks - 1))
+    x = np.linspace(-0.5, 0.5, n) * planks * each
+
+    def height(at):
+        return 1.0 - 0.35 * (1.0 - (at / x[-1]) ** 2)
+    ropes = np.concatenate([np.stack([x, height(x), np.full(n, z)], axis=1) for z in (-half, half)])
+    under = middle[planks // 2 - 1]
+    hangs = np.stack([np.full(9, under), height(under) - 0.035 - np.linspace(0.0, 0.4, 9), np.zeros(9)], axis=1)
+
+    def curves(name: str, points: np.ndarray, counts: list[int], thick: float, comment: str) -> str:
+        return block("BasisCurves", name, "\n".join([
+            'uniform token type = "linear"', f"int[] curveVertexCounts = {listed(counts)}",
+            f"point3f[] points = {listed(points)}", f'float[] widths = [{thick}] (interpolation = "constant")',
+            f"float[] physics:thicknesses = [{thick}]    # m", "rel material:binding:physics = </World/cord>",
+            "color3f[] primvars:displayColor = [(0.78, 0.6, 0.32)]"]),
+            '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "MaterialBindingAPI"]', comment)
+
+    def tie(k: int) -> str:
+        a, b = 3 * k + 1, 3 * k + 2
+        return pin(f"Tie{k:02d}", "/World/Ropes", [a, b, n + a, n + b], f"/World/Plank{k:02d}",
+                   "Attachments to rigid bodies hold both ways: planks hang on the ropes." * (k == 0))
+
+    def post(k: int, a: float, b: float) -> str:
+        at = f"double3 xformOp:translate = ({number(a)}, 0.96, {number(b)})"
+        return solid("Cube", f"Post{k}", f'double size = 0.16\n{at}\nuniform token[] xformOpOrder = ["xformOp:translate"]',
+                     (0.4, 0.33, 0.27))
+    cord = block("Material", "cord", "\n".join([
+        said("RodMaterial", 1.0, young=2e8, poisson=0.3, bend=0.01, twist=0.01, damping=0.02),
+        said("Friction", 1.0, density=800.0)]),
+        '["PhysicsMaterialAPI", "PhysicsCurvesDeformableMaterialAPI", "WsimMaterialAPI"]')
+    floor = [body(("Cube", f"Plank{k:02d}", "double size = 1"), (a, height(a) - 0.02, 0.0), WOOD[k % 3],
+                  size=(0.16, 0.03, 0.9), known=(1.5, 0.0)) for k, a in enumerate(middle)]
+    posts = [post(2 * k + m, a, b) for k, a in enumerate((x[0] - 0.1, x[-1] + 0.1)) for m, b in enumerate((-half, half))]
+    return scene("A bridge of planks on two ropes bears a ball, and a weight that hangs on it.", [
+        settings(substeps=8, iterations=12), cord, block("Xform", "Posts", "".join(posts)), *floor,
+        curves("Ropes", ropes, [n, n], 0.02, "Two ropes of 2.9 m."), curves("Cord", hangs, [9], 0.012, "40 cm, below a plank."),
+        pin("Ends", "/World/Ropes", [0, n - 1, n, 2 * n - 1], "/World/Posts", "Both ends of both."), *map(tie, range(planks)),
+        pin("Knot", "/World/Cord", [0], f"/World/Plank{planks // 2 - 1:02d}", "Its upper end, below the plank."),
+        pin("Hook", "/World/Cord", [8], "/World/Weight", "Its lower end."),
+        body(("Sphere", "Weight", "double radius = 0.1"), hangs[-1] - (0.0, 0.1, 0.0), (0.35, 0.37, 0.42), known=(20.0, 0.0),
+             more="vector3f physics:velocity = (0, 0, 1.2)\n", comment="It swings at first."),
+        body(("Sphere", "Ball", "double radius = 0.15"), (-0.9, 1.04, 0.05), (0.16, 0.3, 0.55), known=(8.0, 0.0)),
+    ], frames=120)
+
+
+ROD_SCENES = {"shaken_head": shaken_head, "rope_knot": rope_knot, "rope_on_cloth": rope_on_cloth, "rope_bridge": rope_bridge}
