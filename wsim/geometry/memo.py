@@ -38,8 +38,8 @@ def _copy_of_result(result):
     return type(result)(map(_copy_of_result, result)) if isinstance(result, (tuple, list)) else result
 
 
-def keep_latest_results(function: Function) -> Function:
-    """Keeps the latest results of a function whose positional arguments are arrays and short values."""
+def keep_latest_results(function: Function, most: int = KEPT) -> Function:
+    """Keeps the latest results, so many, of a function whose positional arguments are arrays and short values."""
     kept: OrderedDict[bytes, object] = OrderedDict()
     lock = threading.Lock()
 
@@ -53,7 +53,7 @@ def keep_latest_results(function: Function) -> Function:
         result = function(*arguments)
         with lock:
             kept[key] = _copy_of_result(result)
-            while len(kept) > KEPT:
+            while len(kept) > most:
                 kept.popitem(last=False)
         return result
 

@@ -15,7 +15,7 @@ from wsim.geometry import primitives
 from wsim.scene.bodies import ArrayDataclass, SizedShape, contiguous_array
 from wsim.scene.curve import Motion
 
-APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
+APPROXIMATIONS = ("none", "meshSimplification", "sdf", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
 FLOOR = 10.0               # [m] edge of a plane as it is written, half of it as the viewer draws it
 Numbers = tuple[float, ...]

@@ -126,7 +126,7 @@ def pair_manifold_kernel(pairs, real, module):
         rig.work.renewed[m] = 0
         if a < 0:
             rig.c.count[m] = 0
-        elif rig.s.kind[rig.c.b[m]] != MESH:
+        elif rig.s.kind[rig.c.b[m]] != MESH and rig.s.kind[a] != MESH:
             make = whole_list == 1
             if not make and rig.c.count[m] >= 0:
                 make = needed(m, k, rig)

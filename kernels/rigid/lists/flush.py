@@ -121,7 +121,7 @@ def flush_seam_kernels(kinds: frozenset[str], real, module):
         m = wp.tid()
         if rig.c.a[m] >= 0 and rig.work.renewed[m] == 1 and rig.c.count[m] > 0:
             b = rig.c.b[m]
-            if rig.s.kind[b] != PLANE and rig.s.frame[b] >= rig.b.w.shape[0]:
+            if rig.s.kind[b] != PLANE and rig.s.frame[b] >= rig.b.w.shape[0] and rig.s.kind[rig.c.a[m]] != MESH:
                 if collider_is_hidden(m, k, H, rig):
                     rig.work.renewed[m] = 2
 

@@ -202,7 +202,7 @@ def pair_list_kernel(real, module, filtered: bool = False):
         if j > i:
             if shapes_may_meet(i, j, tree, rig) and not parted(i, j, tree):
                 taken = 1
-                if rig.s.kind[j] == MESH:
+                if rig.s.kind[j] == MESH or rig.s.kind[i] == MESH:
                     taken = ROWS
                 if write == 1:
                     for row in range(at, wp.min(at + taken, rig.c.a.shape[0])):

@@ -188,7 +188,9 @@ def row_writing_funcs(real) -> SimpleNamespace:
             r += 1
             more = r < last.a.shape[0] and r < row + ROWS
             if more:
-                more = last.a[r] == rig.c.a[m] and last.b[r] == rig.c.b[m] and rig.s.kind[rig.c.b[m]] == MESH
+                more = last.a[r] == rig.c.a[m] and last.b[r] == rig.c.b[m]
+                if rig.s.kind[rig.c.a[m]] != MESH and rig.s.kind[rig.c.b[m]] != MESH:
+                    more = False
             if not more:
                 r = -1
 

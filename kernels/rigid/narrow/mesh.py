@@ -31,6 +31,10 @@ def mesh_type(real):
         point: wp.array(dtype=t.vec3)        # [m]
         first_around: wp.array(dtype=int)    # neighbour of each point, (points + 1,)
         around: wp.array(dtype=int)          # points at the other ends of its edges
+        corner: wp.array(dtype=wp.vec3i)     # of meshes of bodies: 1 at points that this face has for all, and that stand out
+        sharp: wp.array(dtype=wp.vec3i)      # 1: an edge that this face has for both, and that stands out
+        patch: wp.array(dtype=int)           # of a face: number of the plane that it lies in with its neighbours
+        reach: wp.array(dtype=real)          # of a mesh [m]: depth up to which a contact is sought
 
     return MeshSurfaces
 

@@ -36,9 +36,9 @@ OUTSIDE = wp.constant(1.0e-3)             # sine by which n may lie outside a re
 
 
 @cache
-def voronoi_membership_func(real):
-    """Function (surfaces, face, R, X, n, b) -> whether the normal n at the place b on the rim of a face belongs to the mesh.
-    X: its corners in A's frame; R: from A's axes to the mesh's."""
+def normal_region_funcs(real):
+    """(edge, corner): functions whether a normal n, in A's frame, belongs to an edge of a mesh, (surfaces, R, e, f, across, n),
+    or to one of its points, (surfaces, point, R, n). R: from A's axes to the mesh's."""
     t, Surfaces = types(real), mesh_type(real)
     _corners, normal = surface_face_readers(real)
 
@@ -56,6 +56,15 @@ def voronoi_membership_func(real):
             e = wp.normalize((S.point[S.around[k]] - S.point[v]) * R)
             found = found and wp.dot(n, e) <= real(OUTSIDE)
         return found
+
+    return within_edge_region, at_corner
+
+
+@cache
+def voronoi_membership_func(real):
+    """Function (surfaces, face, R, X, n, b) -> whether the normal n at the place b on the rim of a face belongs to the mesh.
+    X: its corners in A's frame; R: from A's axes to the mesh's."""
+    t, Surfaces, (within_edge_region, at_corner) = types(real), mesh_type(real), normal_region_funcs(real)
 
     @wp.func
     def normal_in_voronoi_region(S: Surfaces, face: int, R: t.mat33, X: t.mat33, n: t.vec3, b: t.vec3):

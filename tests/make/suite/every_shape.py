@@ -20,7 +20,8 @@ def collide_all(pairs, real, module):
     return COLLIDE(ALL, real, module)
 
 
-def collide_mesh_all(kinds, real, module, lanes=1):
+def collide_mesh_all(kinds, real, module, lanes=1, of_bodies=False):
     """Instead of `wsim.kernels.rigid.lists.collide_mesh.collide_mesh`."""
-    assert kinds <= ON_MESHES, kinds - ON_MESHES
-    return COLLIDE_MESH(ON_MESHES, real, module, lanes)
+    met = ON_MESHES | {"plane", "mesh"} if of_bodies else ON_MESHES
+    assert kinds <= met, kinds - met
+    return COLLIDE_MESH(met, real, module, lanes, of_bodies)

@@ -8,13 +8,12 @@ import numpy as np
 from wsim.physics.rigid.mass import body_inertia
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import (
-    CONVEX,
     bodies_met_by_strands,
     bodies_touch_points,
     contact_shape_of,
     enabled_joints,
-    hull_fill_ratio,
 )
+from wsim.physics.rigid.solids.faults import check_concave_mesh
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
 from wsim.scene.check.objects import check_rigid_motion, object_warning, thing_error
@@ -111,25 +110,21 @@ def _check_soft_contact_options(body: Body, scene: Scene) -> Iterator[Problem]:
 
 
 def _check_mesh_approximations(body: Body, scene: Scene) -> Iterator[Problem]:
-    """Meshes that are met as something else, or not at all."""
+    """Meshes that are met as something else than their `approximation` says, or not at all."""
     for c in body.colliders:
         if c.meets and isinstance(c.shape, Surface) and contact_shape_of(c, True) is None:
             yield object_warning(c.path, "is a mesh without a volume, which rigid bodies pass through", "a solid",
                                  "give it a thickness")
-        elif c.meets and isinstance(c.shape,
-                                    Surface) and c.approximation not in SAID and hull_fill_ratio(c.shape) < 1.0 - CONVEX:
-            yield object_warning(c.path, "is a mesh with hollows, or an open one, and meets others as its convex hull",
-                                 "a convex mesh", "put several convex colliders in its place")
+        elif c.meets and isinstance(c.shape, Surface) and c.approximation not in SAID:
+            yield from check_concave_mesh(c, True)
     for c in scene.colliders if body is scene.things("Body")[0] else ():
         if not isinstance(c.shape, Surface) or any(p.fatal for p in objects.check_collider(c)):
             continue
         if contact_shape_of(c, False) is None:
             yield object_warning(c.path, "is a mesh that moves its points, or has no surface, and rigid bodies pass through it",
                                  "a mesh that keeps its shape", "put simple shapes in its place")
-        elif c.approximation == "convexDecomposition" and hull_fill_ratio(c.shape) < 1.0 - CONVEX:
-            yield object_warning(c.path,
-                                 "is met as one hull, which fills what is hollow: convexDecomposition makes no parts here",
-                                 "none: its triangles", "author physics:approximation = none, or several convex colliders")
+        elif c.approximation == "convexDecomposition":
+            yield from check_concave_mesh(c, False)
 
 
 def _format_vector(value: np.ndarray) -> str:

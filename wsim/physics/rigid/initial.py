@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wsim.physics.rigid.joints.filters.groups import collision_filters
-from wsim.physics.rigid.solids import ContactShape, contact_shape_of
+from wsim.physics.rigid.solids import ContactShape, collider_parts, contact_shape_of
 from wsim.scene import Collider, Plane, Problem, Scene, Sphere, Surface
 from wsim.scene.check import signed_distance
 from wsim.scene.check.objects import object_warning
@@ -80,11 +80,11 @@ def check(scene: Scene) -> Iterator[Problem]:
 def _placed_solids(scene: Scene) -> Iterator[PlacedSolid]:
     known: dict[tuple, np.ndarray] = {}
     for k, body in enumerate(scene.things("Body")):
-        for c in body.colliders:
+        for c in collider_parts(body.colliders):
             if (met := contact_shape_of(c, True)) is not None:
                 M = body.motion.at(0.0) @ c.motion.at(0.0)
                 yield PlacedSolid(c.path, k, met, M, _sample_shape_surface(met, known) @ M[:3, :3].T + M[:3, 3])
-    for c in scene.colliders:
+    for c in collider_parts(scene.colliders):
         if (met := contact_shape_of(c, False)) is not None:
             M = c.motion.at(0.0)
             yield PlacedSolid(c.path, -1, met, M, _sample_shape_surface(met, known) @ M[:3, :3].T + M[:3, 3])

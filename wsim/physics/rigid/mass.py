@@ -14,6 +14,7 @@ centre.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,7 @@ class Inertia:
 
 
 SIDES = 32                 # of an outline
+SMALL = 512                # hulls that are kept: a decomposition has many, of a few kilobytes each
 MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 APPROXIMATED = ("convexHull", "boundingCube", "boundingSphere")
 NOTHING = MassVolume(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -114,7 +116,7 @@ def approximate_shape(shape: Surface, name: str) -> tuple[Shape | None, np.ndarr
     return shape if shape_volume(shape).volume >= shape_volume(met).volume else met, np.zeros(3)
 
 
-@keep_latest_results
+@partial(keep_latest_results, most=SMALL)
 def _cached_convex_hull(points: np.ndarray) -> ConvexHull | None:
     try:
         return convex_hull(points, MOST)

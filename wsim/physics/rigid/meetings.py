@@ -7,16 +7,22 @@ from wsim.geometry.rotation import matrix_quat, quat_conjugate, quat_product, qu
 from wsim.kernels.rigid.narrow.pair import pairs_of_kinds
 from wsim.physics.rigid import solids
 from wsim.physics.rigid.objects import SURFACE
-from wsim.physics.rigid.solids import contact_shape_of, scene_contact_colliders, touching_colliders
+from wsim.physics.rigid.solids import (
+    body_contact_parts,
+    contact_shape_of,
+    scene_contact_colliders,
+    touching_colliders,
+)
 from wsim.scene import Collider
 
 
 def meeting_shape_kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
     """Kinds of shapes that can meet, pairs with a mesh among them."""
-    mine = {met.kind for body in bodies for c in body.colliders if (met := contact_shape_of(c, True)) is not None}
-    still = {met.kind for c in colliders if (met := contact_shape_of(c, False)) is not None}
+    mine = {met.kind for body in bodies for c in body_contact_parts(body) if (met := contact_shape_of(c, True)) is not None}
+    still = {met.kind for c in scene_contact_colliders(colliders) if (met := contact_shape_of(c, False)) is not None}
+    on_meshes = (mine if "mesh" in still else set()) | (mine | still if "mesh" in mine else set())
     return frozenset(p for p in pairs_of_kinds(mine | still) if mine & set(p) and p[1] != "mesh") | frozenset(
-        (one, "mesh") for one in mine if "mesh" in still)
+        (one, "mesh") for one in on_meshes)
 
 
 def ball_core_pairs(pairs: frozenset[tuple[str, str]]) -> frozenset[tuple[str, str]]:
@@ -81,10 +87,11 @@ def contact_signature(b) -> list:
     """What of a scene with contacts of bodies decides its kernels."""
     from wsim.physics.rigid.forms import choose_pass_form
     points = solids.bodies_touch_points(b.scene)
-    own = [c for body in b.scene.things("Body") for c in solids.touching_colliders(body)]
+    own = [c for body in b.scene.things("Body") for c in solids.body_contact_parts(body)]
     form = choose_pass_form(b.model.device, b.model.worlds * len(own) + len(solids.scene_contact_colliders(b.scene.colliders)))
     filtered, joined = any(map(b.scene.things, ("Group", "FilteredPairs"))), bool(solids.enabled_joints(b.scene))
     said = [sorted(meeting_shape_kinds(b.scene.things("Body"), b.scene.colliders)), sorted(flush_collider_kinds(b.scene)),
+            solids.bodies_have_meshes(b.scene),
             has_restitution(b.scene), form.name, form.blocks, solids.bodies_may_sleep(b.scene), filtered, joined,
             b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

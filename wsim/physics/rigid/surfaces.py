@@ -7,9 +7,11 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry.convex_hull import ConvexHull
+from wsim.geometry.memo import digest_of_arguments
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.mesh import mesh_type
 from wsim.kernels.rigid.narrow.shape import CORNERS, hull_type
+from wsim.physics.rigid.contacts.features import contact_features, contact_reach
 
 
 def adjacent_faces(faces: np.ndarray) -> np.ndarray:
@@ -40,11 +42,19 @@ def point_neighbours(faces: np.ndarray, points: int) -> tuple[np.ndarray, np.nda
     return np.concatenate([[0], np.cumsum(np.bincount(edges[:, 0], minlength=points))]), edges[:, 1]
 
 
-def mesh_surface_tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, device) -> tuple:
+def equal_meshes(meshes: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[list[int], list[tuple[np.ndarray, np.ndarray]]]:
+    """(number of each mesh among the different ones, those)."""
+    place: dict[bytes, int] = {}
+    found = [place.setdefault(digest_of_arguments(*mesh), len(place)) for mesh in meshes]
+    return found, [meshes[found.index(k)] for k in range(len(place))]
+
+
+def mesh_surface_tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, device, featured: bool = False) -> tuple:
     """(struct, trees) of meshes (points (n, 3) [m], triangles (m, 3)); the trees live as long as they are held.
-    A mesh is closed where no edge is a rim."""
+    A mesh is closed where no edge is a rim. featured: with what touches other meshes, and planes."""
     t, found = types(real), mesh_type(real)()
     trees, faces, across, points, sided, first, base = [], [], [], [], [], [0], 0
+    more, reach = [], []      # type: list[dict], list[float]
     for X, given in meshes:
         X, corners = np.asarray(X, np.float64), weld_equal_points(np.asarray(X), np.asarray(given, np.int64).reshape(-1, 3))
         trees.append(wp.Mesh(points=wp.array(X, dtype=wp.vec3f, device=device),
@@ -54,6 +64,10 @@ def mesh_surface_tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, d
         across.append(np.where(next_to < 0, -1, next_to + first[-1]))
         points.append(X)
         sided.append(int((next_to >= 0).all()))
+        if featured:
+            own = contact_features(X, corners, next_to)
+            more.append({**own, "patch": own["patch"] + first[-1]})
+            reach.append(contact_reach(X, corners, bool(sided[-1])))
         first.append(first[-1] + len(corners))
         base += len(X)
     found.id = wp.array([tree.id for tree in trees], dtype=wp.uint64, device=device)
@@ -65,6 +79,10 @@ def mesh_surface_tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, d
     found.first_around = wp.array(starts, dtype=int, device=device)
     found.around = wp.array(ends, dtype=int, device=device)
     found.point = wp.array(np.concatenate(points), dtype=t.vec3, device=device)
+    if featured:
+        for name, dtype in (("corner", wp.vec3i), ("sharp", wp.vec3i), ("patch", int)):
+            setattr(found, name, wp.array(np.concatenate([own[name] for own in more]), dtype=dtype, device=device))
+        found.reach = wp.array(reach, dtype=real, device=device)
     return found, trees
 
 

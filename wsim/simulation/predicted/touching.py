@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.physics.rigid.solids import contact_shape_of
+from wsim.physics.rigid.solids import collider_parts, contact_shape_of
 from wsim.scene import Plane
 from wsim.scene.solids import Capsule, Cone, Cylinder, Sphere
 
@@ -50,9 +50,10 @@ class ShapeAtStart:
             return cls(body, middle, R, (0.0, 0.0, shape.half_height), disc=shape.radius, path=path)
         if shape is not None:
             return cls(body, middle, R, tuple(shape.half), path=path)
-        low, high = met.hull.vertices.min(axis=0), met.hull.vertices.max(axis=0)
+        outer = met.outer_points
+        low, high = outer.min(axis=0), outer.max(axis=0)
         inner = 0.5 * (low + high)
-        return cls(body, middle + R @ inner, R, tuple(high - inner), points=met.hull.vertices - inner, path=path)
+        return cls(body, middle + R @ inner, R, tuple(high - inner), points=outer - inner, path=path)
 
 
 class ShapesAtStart:
@@ -96,8 +97,9 @@ def solids_of(scene, bodies: list) -> tuple[ShapesAtStart, list]:
     frames = [body.motion.at(0.0) for body in bodies]
     rows = [ShapeAtStart.of(k, M @ c.motion.at(0.0), met, c.path)
             for k, (body, M) in enumerate(zip(bodies, frames, strict=True))
-            for c in body.colliders if (met := contact_shape_of(c, True)) is not None]
-    still = [(c.motion.at(0.0), met, c.path) for c in scene.colliders if (met := contact_shape_of(c, False)) is not None]
+            for c in collider_parts(body.colliders) if (met := contact_shape_of(c, True)) is not None]
+    still = [(c.motion.at(0.0), met, c.path) for c in collider_parts(scene.colliders)
+             if (met := contact_shape_of(c, False)) is not None]
     reach = ENDLESS * (1.0 + max(float(np.abs(M).max()) for M in [*frames, *[M for M, *_ in still]]))
     for M, met, path in still:
         if isinstance(met.shape, Plane):

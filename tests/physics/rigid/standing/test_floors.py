@@ -8,7 +8,6 @@ from tests.make.physics.rigid.narrow.triangles import cube, floor
 from tests.physics.rigid.pairs import WHERE
 from wsim.physics.rigid.solids import contact_shape_of
 from wsim.scene import Collider, Scene, Surface, shapes
-from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
@@ -136,7 +135,8 @@ def closed() -> Surface:
 
 
 @pytest.mark.parametrize("approximation, kind", [
-    ("none", "mesh"), ("meshSimplification", "mesh"), ("convexHull", "hull"), ("convexDecomposition", "hull"),
+    ("none", "mesh"), ("meshSimplification", "mesh"), ("sdf", "mesh"), ("convexHull", "hull"),
+    ("convexDecomposition", "mesh"),
     ("boundingCube", "box"), ("boundingSphere", "sphere")])
 def test_a_mesh_that_stands_is_met_as_its_approximation_says(approximation, kind):
     """A bowl, hollow and open; a cube is convex, and its own hull whatever is said but for the bounds."""
@@ -154,11 +154,3 @@ def test_a_ball_rests_on_the_bounds_of_a_mesh(approximation, height):
     sim = Simulation(scene, **WHERE, precision="float64")
     sim.run(60)
     assert abs(Seen(sim).at("/ball")[1] - height) < 1e-3
-
-
-def test_a_decomposition_of_what_is_hollow_is_a_warning_with_a_mend():
-    scene = Scene()
-    scene.add(ball("/ball", (0.0, 1.0, 0.0)))
-    scene.collider("/bowl", bowl(), approximation="convexDecomposition")
-    (problem,) = [p for p in check_scene(scene) if p.path == "/bowl"]
-    assert not problem.fatal and "as one hull" in problem.text and "fix: " in problem.text

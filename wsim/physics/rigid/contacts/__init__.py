@@ -6,7 +6,6 @@ follow (kernels/rigid/passes.py), in the form of wsim/physics/rigid/forms.py. Im
 Friction is the mean of both colliders, restitution the larger.
 """
 
-from functools import partial
 from math import ceil
 from typing import Any
 
@@ -25,7 +24,7 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid import forms, meetings, surfaces
 from wsim.physics.rigid.contacts.pair_list import PairList
-from wsim.physics.rigid.solids import contact_shape_of, scene_contact_colliders, touching_colliders
+from wsim.physics.rigid.solids import body_contact_parts, contact_shape_of, scene_contact_colliders
 from wsim.scene import Collider, Sphere
 
 LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
@@ -45,7 +44,7 @@ class RigidContactTables:
     def __init__(self, b, method):
         self.model, self.status, self.method = b.model, b.status, method
         self.colliders, self.real, self.device = scene_contact_colliders(b.scene.colliders), b.model.real, b.model.device
-        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in touching_colliders(body)]
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in body_contact_parts(body)]
         if not self.owners:                       # strands alone hold them: tables need a row, which meets nothing
             self.owners, self.colliders = [(0, 0, Collider("", Sphere(1e-3)))], []
         self.still_first, self.frames = len(method.bodies), len(method.bodies) + len(self.colliders)
@@ -61,11 +60,11 @@ class RigidContactTables:
         met = meetings.meeting_shape_kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
-        pairs, tiles, meet = (self.pairs | meetings.ball_core_pairs(self.pairs), meetings.flush_collider_kinds(b.scene),
-                              partial(collide_mesh.collide_mesh, on_meshes))
+        pairs, tiles = self.pairs | meetings.ball_core_pairs(self.pairs), meetings.flush_collider_kinds(b.scene)
         self.collide = collide.pair_manifold_kernel(pairs, real, shared("rigid_pairs", *sorted(pairs)))
         self.lanes = lanes = 32 if self.device.is_cuda else 1                         # threads of a pair with a mesh
-        self.on_meshes = meet(real, shared("rigid_meshes", *sorted(on_meshes), lanes), lanes) if on_meshes else None
+        own = shared("rigid_meshes", *sorted(on_meshes), lanes, *["of bodies"] * self.mesh_bodies) if on_meshes else None
+        self.on_meshes = own and collide_mesh.collide_mesh(on_meshes, real, own, lanes, self.mesh_bodies)
         self.flush = flush.flush_seam_kernels(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
         own = method.joints.contact_form() if method.joints else None
         self.form: forms.ContactPassForm = own or forms.choose_pass_form(b.model.device, self.shapes)
@@ -99,10 +98,11 @@ class RigidContactTables:
         self.shapes, with_worlds = len(rows_of), rows_of + rows_of[mine:] * (self.model.worlds - 1)
         solid = {k: met.hull for k, met in enumerate(forms_of) if met.hull is not None}
         meshes = {k: met.mesh for k, met in enumerate(forms_of) if met.mesh is not None}
-        number = {k: place for of in (solid, meshes) for place, k in enumerate(of)}
+        self.mesh_bodies, (copies, own) = any(k < mine for k in meshes), surfaces.equal_meshes(list(meshes.values()))
+        number = dict(zip([*solid, *meshes], [*range(len(solid)), *copies], strict=True))
         self.hulls = surfaces.hull_tables(list(solid.values()), real, self.device)
         if meshes:
-            self.surfaces, self.trees = surfaces.mesh_surface_tables(list(meshes.values()), real, self.device)
+            self.surfaces, self.trees = surfaces.mesh_surface_tables(own, real, self.device, self.mesh_bodies)
         t = types(real)
         Shapes, self.Still, self.Contacts, self.Work = contact.rigid_contact_structs(real)
 

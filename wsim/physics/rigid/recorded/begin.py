@@ -26,8 +26,8 @@ def refuse_contacts(scene) -> None:
                        ("impulses", scene.contact_tolerance <= 0.0), ("sleep", bodies_may_sleep(scene))):
         if wrong:
             raise gradient_refusal(key, bodies[0].path, other=other)
-    for c in scene_contact_colliders(scene.colliders):
-        met = contact_shape_of(c, False)
+    still = [(c, contact_shape_of(c, False)) for c in scene_contact_colliders(scene.colliders)]
+    for c, met in still + [(c, contact_shape_of(c, True)) for body in bodies for c in touching_colliders(body)]:
         if met is not None and met.mesh is not None:
             raise gradient_refusal("meshes", c.path)
 
