@@ -97,6 +97,14 @@ class StatePart:
             self.saved[what.name] = array, wp.clone(array)
         return array
 
+    def snapshot_of(self, name: str) -> wp.array:
+        """A persistent field as it was where the frame began."""
+        if name in self.saved:
+            return self.saved[name][1]
+        k = self.names.index(name)
+        assert self.aside is not None
+        return self.aside[k * self.capacity:(k + 1) * self.capacity]
+
     def enlarge_part(self, capacity: int, real, device) -> None:
         """Room for more rows, by new arrays: what is there stays, and in the snapshot, which a repeated frame starts from."""
         other, before = StatePart.allocate(self.name, self.fields, self.count, real, device, capacity), self.capacity

@@ -183,6 +183,54 @@ class Controls:
     values: Any
 
 
+@dataclass(frozen=True, eq=False)
+class JointStates:
+    """Joint coordinates of all worlds, NumPy arrays or arrays on the device: a column each.
+
+    paths       prim paths of the joints, one for each column
+    axes        names of the coordinates, such as rotX (see `wsim.Joint`)
+    position    (worlds, n) [m], [rad]
+    velocity    (worlds, n) [m/s], [rad/s]
+    """
+
+    paths: tuple[str, ...]
+    axes: tuple[str, ...]
+    position: Any
+    velocity: Any
+
+
+@dataclass(frozen=True, eq=False)
+class LinkStates:
+    """Rigid bodies of all worlds, NumPy arrays or arrays on the device: a column each, world space.
+
+    paths          prim paths of the bodies
+    place          origins of their frames (worlds, n, 3) [m]
+    rotation       quaternions (x, y, z, w) from their frames to the world (worlds, n, 4) [1]
+    velocity       of those origins (worlds, n, 3) [m/s]
+    spin           angular velocities (worlds, n, 3) [rad/s]
+    contact_force  sums of the contact forces with bodies and colliders in the last substep (worlds, n, 3) [N]
+    """
+
+    paths: tuple[str, ...]
+    place: Any
+    rotation: Any
+    velocity: Any
+    spin: Any
+    contact_force: Any
+
+
+@dataclass(frozen=True, eq=False)
+class ImuReadings:
+    """Means over the last frame of an inertial measurement unit, in its own axes, NumPy arrays or arrays on the device.
+
+    force    specific force: acceleration less gravity (worlds, 3) [m/s^2]
+    spin     angular velocity (worlds, 3) [rad/s]
+    """
+
+    force: Any
+    spin: Any
+
+
 def join_contact_points(parts: Iterable[ContactPoints]) -> ContactPoints:
     """All rows behind each other."""
     none = np.zeros(0)

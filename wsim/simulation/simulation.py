@@ -77,6 +77,7 @@ class Simulation(Readings):
         self.frame = 0
         self.graphs.forget("the simulation was reset")
         self.pulled = self.settled = None      # made by `reactions` (pulled) and `follow_start` (settled)
+        self.sensors: Any = None               # made by `joints`, `links` and `imu`
         self.host = HostTimes()                # where its time goes
         self.measured: Any = None              # made by `follow_start` in the first frame; False: never, nor `settled`
         self.balance: measure.IntegratorBalance | None = None

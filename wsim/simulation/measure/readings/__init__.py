@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from wsim.model.kernel_cache import GATE
-from wsim.scene.samples import ContactPoints, Controls
+from wsim.scene.samples import ContactPoints, Controls, ImuReadings, JointStates, LinkStates
 from wsim.simulation.measure import indicators as measure
 
 
@@ -16,6 +16,7 @@ class Readings:
     model: Any
     state: Any
     worlds: int
+    sensors: Any
 
     def contacts(self, path: str | None = None, world: int | None = None) -> ContactPoints:
         """Contact points now, with the forces of the last substep of the frame: places and forces are of one time, as in other
@@ -34,6 +35,31 @@ class Readings:
         is made. Raises SceneError where there is no actuator."""
         from wsim.simulation.measure.readings.joints import controls_of_actuators
         return controls_of_actuators(self)
+
+    def joints(self, device: bool = False) -> JointStates:
+        """Coordinates of all joints and their rates now, in all worlds. device: as arrays on the device, without a copy to the
+        host. Compiles kernels when first called. Raises SceneError where there is no joint."""
+        from wsim.simulation.measure.readings.joints import read_joint_states
+        with GATE.alone():
+            return read_joint_states(self, device)
+
+    def links(self, device: bool = False) -> LinkStates:
+        """Poses, velocities and contact forces of all rigid bodies now, in all worlds; as `joints`."""
+        from wsim.simulation.measure.readings.joints import read_link_states
+        with GATE.alone():
+            return read_link_states(self, device)
+
+    def imu(self, path: str, at=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), device: bool = False) -> ImuReadings:
+        """Readings of an inertial measurement unit on a rigid body, means over the last frame, in all worlds.
+
+        path    prim path of the body
+        at      place in the body's frame (3,) [m]
+        turn    quaternion (x, y, z, w) from the unit's axes to the body's frame
+        device  as arrays on the device, without a copy to the host
+        Raises SceneError where there is no such body, or before the first frame."""
+        from wsim.simulation.measure.readings.joints import read_inertial_unit
+        with GATE.alone():
+            return read_inertial_unit(self, path, at, turn, device)
 
     def indicators(self) -> dict[str, float]:
         """Error indicators and energies now: strain, residual, penetration, energy [J]."""
