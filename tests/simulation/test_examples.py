@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenes.examples import live, moduli_of_a_bar, sheet_from_points, stiffness_field, throw_cloth, walker
+from scenes.examples import arm, live, moduli_of_a_bar, sheet_from_points, stiffness_field, throw_cloth, walker
 
 
 @pytest.mark.parametrize("example, within", [(sheet_from_points, 0.01), (moduli_of_a_bar, 0.005)])
@@ -25,6 +25,16 @@ def test_a_cloth_is_thrown_into_the_frame():
     """With 25 points the search is longer than with the 81 of the example (139 gradients): 663. It ends 13 mm off at most."""
     found = throw_cloth.run(cells=4, limit=1000.0)
     assert found["converged"] and found["missed"].max() < 0.03 and (found["velocity"] > found["without_air"])[:2].all()
+
+
+def test_the_arm_follows_its_circle_as_far_as_its_servos_lag():
+    """By damping / stiffness times the speed of the hand, and less for stiffer ones."""
+    goals = arm.on_circle(np.arange(1, 41) / arm.FPS)
+    for stiffness in (1e4, 1e5):
+        places, _ = arm.follow(stiffness, 40)
+        lag = 2.0 * np.sqrt(arm.INERTIA / stiffness) * 2.0 * np.pi * arm.RADIUS / arm.PERIOD
+        off = np.linalg.norm(places - goals, axis=1)[30:]
+        assert off.mean() == pytest.approx(lag, rel=0.1)
 
 
 @pytest.mark.slow

@@ -84,6 +84,17 @@ def test_unit_on_a_turntable_reads_the_centripetal_acceleration(coordinates):
     assert read.spin[0] == pytest.approx([0.0, 3.0, 0.0], abs=1e-9)
 
 
+def test_readings_change_nothing():
+    """What is read between frames leaves the next ones to the bit."""
+    for coordinates in ("maximal", "reduced"):
+        read, unread = (Simulation(pendulum(coordinates), device="cpu") for _ in range(2))
+        for _ in range(10):
+            read.step()
+            unread.step()
+            read.joints(), read.links(), read.imu("/rod")
+        assert np.array_equal(read.poses("/rod")["/rod"], unread.poses("/rod")["/rod"])
+
+
 def test_what_is_not_there_is_refused():
     simulation = Simulation(pendulum("auto"), device="cpu")
     with pytest.raises(SceneError, match="step first"):
