@@ -15,6 +15,15 @@ from wsim.kernels.rigid.joint.tree.mass_matrix import link_inertia_world, tree_d
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 
+@wp.func
+def bounded_decay(c: wp.float64, h: wp.float64):
+    """A rate of decay that a step of h [s] can take: c where it is small, else (1 - exp(-c h)) / h."""
+    found = c
+    if c * h > wp.float64(0.5):
+        found = (wp.float64(1.0) - wp.exp(-c * h)) / h
+    return found
+
+
 @standalone_function
 @wp.func
 def link_inertial_wrench(link: int, root: int, T: Trees):

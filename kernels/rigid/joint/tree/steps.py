@@ -9,9 +9,11 @@ What rk4 meets in a step it tells by its own stages. The second and the third ar
 differ by (omega h / 2)^2 of the first, if motion has the frequency omega: 4 |a_3 - a_2| / |a_1| = (h omega)^2 (Hairer, Wanner
 1996, section IV.2). Where that is more than LONG, the step is done again in so many parts.
 
-A step is rk4 where the drives are soft enough for it (h^2 k / m and h c / m below STIFF). Limits and dry friction, where they
-act,
-are impulses behind it, of order 1.
+    symplectic_euler      v' = v + h a(q, v),  q' = q + h v'
+    backward_euler        the same, linearly implicit in the drives: (H + h c + h^2 k) (v' - v) = h (tau - h k v)
+
+A step is rk4 where the drives are soft enough for it (h^2 k / m and h c / m below STIFF), else ros2, unless the scene names its
+integrator. Limits, where they act, are impulses behind it, of order 1; dry friction see limits.py.
 """
 
 from functools import cache
@@ -35,11 +37,7 @@ from wsim.kernels.rigid.joint.tree.joint_forces import (
     drive_stiffness,
     scale_accelerations,
 )
-from wsim.kernels.rigid.joint.tree.kinematics import (
-    move_tree_coordinates,
-    move_tree_velocities,
-    place_tree,
-)
+from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, move_tree_velocities, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import sum_over_lanes, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.limits import passes_tree_limit, solve_tree_limits
 from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
@@ -58,7 +56,7 @@ from wsim.kernels.rigid.joint.tree.mass_matrix import (
     solve_tree_matrix,
     tree_dofs,
 )
-from wsim.kernels.rigid.joint.tree.newton_euler import link_inertial_wrench, sum_tree_wrenches
+from wsim.kernels.rigid.joint.tree.newton_euler import bounded_decay, link_inertial_wrench, sum_tree_wrenches
 from wsim.kernels.rigid.joint.tree.stages import advance_stage, copy_tree_state, mean_tree_rates, tangent_rates
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_quat, double_vec3, rounded_quaternion
@@ -66,16 +64,8 @@ from wsim.kernels.rigid.motion import body_structs, double_quat, double_vec3, ro
 LONG = wp.constant(wp.float64(1.0))        # (h omega)^2 of one step: unstable from 8 on; at 1 it damps 0.7 % of that mode
 MOST = wp.constant(64)                     # parts of a substep
 STIFF = wp.constant(wp.float64(1.0))       # rk4 is stable up to 2.8^2 and 2.8
+RK4, ROS2, SYMPLECTIC, IMPLICIT = wp.constant(1), wp.constant(0), wp.constant(2), wp.constant(3)      # of `soft_drives`
 GAMMA = wp.constant(wp.float64(1.0 - 0.5**0.5))
-
-
-@wp.func
-def bounded_decay(c: wp.float64, h: wp.float64):
-    """A rate of decay that a step of h [s] can take: c where it is small, else (1 - exp(-c h)) / h."""
-    found = c
-    if c * h > wp.float64(0.5):
-        found = (wp.float64(1.0) - wp.exp(-c * h)) / h
-    return found
 
 
 @cache
@@ -121,7 +111,7 @@ def tree_step_functions(real):
         ready_loops(g, T)
         scale_accelerations(g, T, J)
         stiffness = wp.max(drive_stiffness(g, h, T, J), actuator_stiffness(g, h, T, J))
-        T.soft_drives[g] = wp.where(stiffness < STIFF, 1, 0)
+        T.soft_drives[g] = wp.where(T.scheme >= 0, T.scheme, wp.where(stiffness < STIFF, int(RK4), int(ROS2)))
         tree_barrier()
 
     @standalone_function
@@ -162,7 +152,7 @@ def tree_step_functions(real):
         coordinates."""
         square = step_by_stages(g, k, wp.float64(0.0), wp.float64(1.0), h, b, T, J)
         if square > LONG:
-            parts = wp.min(int(wp.ceil(wp.sqrt(square / LONG))), int(MOST))
+            parts = int(wp.min(wp.ceil(wp.sqrt(square / LONG)), wp.float64(MOST)))       # square may be beyond integers
             copy_tree_state(g, T.q_before, T.qd_before, T.q, T.qd, T)
             copy_tree_state(g, T.q, T.qd, T.q_start, T.qd_start, T)
             part = wp.float64(1.0) / wp.float64(parts)
@@ -221,13 +211,42 @@ def tree_step_functions(real):
 
     @standalone_function
     @wp.func
+    def predict_by_euler(g: int, k: int, implicit: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
+        """One step of symplectic or backward Euler from q, qd, without limits; `rates` is the rate of the coordinates."""
+        copy_tree_state(g, T.q, T.qd, T.q_before, T.qd_before, T)
+        evaluate_tree(g, k, wp.float64(implicit), h, b, T, J)
+        if implicit == 1:
+            add_drive_inertia(g, k, h, T, J)
+            add_actuator_inertia(g, k, h, T, J)
+            add_spring_forces(g, k, -h, T.qd, T, J)
+            add_actuator_springs(g, k, -h, T.qd, T, J)
+        factor_tree_matrix(g, T)
+        solve_tree_matrix(g, T.tau, T)
+        constrain_tree_accelerations(g, T)
+        dofs = tree_dofs(g, T)
+        for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
+            T.qd[d] = T.qd_before[d] + h * T.tau[d]
+            T.rates[d] = T.qd[d]
+        tree_barrier()
+        move_tree_coordinates(g, h, T.rates, T.q_before, T)
+
+    @standalone_function
+    @wp.func
+    def predict_tree(g: int, k: int, scheme: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
+        """One step of a scheme from q, qd, without limits; `rates` is the mean rate of the coordinates."""
+        if scheme == RK4:
+            predict_by_stages(g, k, h, b, T, J)
+        elif scheme == ROS2:
+            predict_implicitly(g, k, h, b, T, J)
+        else:
+            predict_by_euler(g, k, wp.where(scheme == IMPLICIT, 1, 0), h, b, T, J)
+
+    @standalone_function
+    @wp.func
     def step_tree(g: int, k: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """One step, with limits and dry friction where they act: their impulses change the end velocity and the mean rate
         alike."""
-        if T.soft_drives[g] == 1:
-            predict_by_stages(g, k, h, b, T, J)
-        else:
-            predict_implicitly(g, k, h, b, T, J)
+        predict_tree(g, k, T.soft_drives[g], h, b, T, J)
         if passes_tree_limit(g, T, J) == 1:
             dofs = tree_dofs(g, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
@@ -274,5 +293,4 @@ def tree_step_functions(real):
             out.L[i] = rounded_like(link_inertia_world(link, T) * T.W[link], out.L[i])
         tree_barrier()
 
-    return SimpleNamespace(evaluate=evaluate_tree, begin=begin_tree, step=step_tree, write=write_tree, stages=predict_by_stages,
-                           implicit=predict_implicitly)
+    return SimpleNamespace(evaluate=evaluate_tree, begin=begin_tree, step=step_tree, write=write_tree, predict=predict_tree)

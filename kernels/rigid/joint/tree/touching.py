@@ -28,7 +28,7 @@ from wsim.kernels.rigid.joint.tree.loops.steps import close_tree_loops
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps, solve_link_responses
 from wsim.kernels.rigid.joint.tree.stages import copy_tree_state
-from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
+from wsim.kernels.rigid.joint.tree.steps import IMPLICIT, ROS2, tree_step_functions
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.kinds import SERIAL
 from wsim.kernels.rigid.lists.pairs import body_straying_func
@@ -82,7 +82,7 @@ def world_team_func(real):
 def tree_part_functions(real, meet):
     """Parts of a substep of one tree, or of all of a team."""
     Rig, f, contact = rig_type(real), tree_step_functions(real), link_contact_functions(real)
-    stages, implicit, mark, prepare = f.stages, f.implicit, contact.mark, contact.prepare
+    advance, mark, prepare = f.predict, contact.mark, contact.prepare
     (orient, _, _, _), stray = body_steps(real), body_straying_func(real)
 
     @standalone_function
@@ -91,7 +91,7 @@ def tree_part_functions(real, meet):
         """Places a tree at its coordinates, with the factors of H and limits; its bodies are turned as it is."""
         place_tree(g, T)
         assemble_tree_matrix(g, T)
-        if T.soft_drives[g] == 0:
+        if T.soft_drives[g] == ROS2 or T.soft_drives[g] == IMPLICIT:
             add_drive_inertia(g, k, wp.float64(h), T, J)
             add_actuator_inertia(g, k, wp.float64(h), T, J)
         factor_tree_matrix(g, T)
@@ -122,10 +122,7 @@ def tree_part_functions(real, meet):
     @wp.func
     def predict_tree(g: int, k: int, h: wp.float64, rig: Rig, J: Linked, T: Trees, P: Trees):
         copy_tree_state(g, T.q, T.qd, P.q, P.qd, T)
-        if T.soft_drives[g] == 1:
-            stages(g, k, h, rig.b, P, J)
-        else:
-            implicit(g, k, h, rig.b, P, J)
+        advance(g, k, T.soft_drives[g], h, rig.b, P, J)
         reset_limit_impulses(g, T)
         dofs = tree_dofs(g, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):

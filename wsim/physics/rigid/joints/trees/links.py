@@ -128,9 +128,9 @@ class TreeLinks:
 
 
 def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, first_body: np.ndarray,
-               body: np.ndarray, lone: bool) -> tuple[TreeLinks | None, str]:
+               body: np.ndarray, lone: bool, acted: frozenset[str] = frozenset()) -> tuple[TreeLinks | None, str]:
     """(links of the islands, "") or (None, why an island has no reduced coordinates). lone: bodies without joints are links
-    too.
+    too. acted: paths of joints that actuators act on.
     Other arguments are those of `wsim.physics.rigid.joints.islands.EliminationOrder` for one world."""
     found = TreeLinks()
     for g in range(len(first_joint) - 1):
@@ -140,7 +140,7 @@ def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, 
             if why := unsupported_joint(joints[j]):
                 return None, f"{joints[j].path}: {why}"
         if len(own):
-            why = _add_tree(found, joints, pairs, list(own), bodies)
+            why = _add_tree(found, joints, pairs, list(own), bodies, acted)
             if why:
                 return None, why
         elif lone:
@@ -149,11 +149,12 @@ def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, 
     return found, ""
 
 
-def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: list[int], bodies: list[int]) -> str:
+def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: list[int], bodies: list[int],
+              acted: frozenset[str]) -> str:
     """Adds the links and loops of an island; returns why it has no reduced coordinates."""
-    kept, cut = spanning_joints(joints, pairs, own)
+    kept, cut = spanning_joints(joints, pairs, own, acted)
     for j in cut:
-        if why := closing_joint(joints[j]):
+        if why := closing_joint(joints[j], acted):
             return f"{joints[j].path}: it closes a loop, and all joints of that have {why} or the like"
     path = _link_order(joints, pairs, kept, bodies)
     if path is None:

@@ -56,9 +56,10 @@ class LoopRows:
         self.first_row.append(len(self.kind))
 
 
-def spanning_joints(joints: list[Joint], pairs: np.ndarray, own: list[int]) -> tuple[list[int], list[int]]:
+def spanning_joints(joints: list[Joint], pairs: np.ndarray, own: list[int],
+                    acted: frozenset[str]) -> tuple[list[int], list[int]]:
     """(joints of a tree of the island, those that close loops): least freedom first (Kruskal 1956), with drives, limits,
-    friction and mimics before all."""
+    friction, mimics and actuators before all."""
     root: dict[int, int] = {}
 
     def end_of(k: int) -> int:
@@ -66,15 +67,17 @@ def spanning_joints(joints: list[Joint], pairs: np.ndarray, own: list[int]) -> t
             k = root[k]
         return k
     kept, cut = [], []
-    for j in sorted(own, key=lambda j: (closing_joint(joints[j]) == "", len(joints[j].free()), j)):
+    for j in sorted(own, key=lambda j: (closing_joint(joints[j], acted) == "", len(joints[j].free()), j)):
         a, b = (end_of(int(k)) for k in pairs[j])
         (kept if a != b else cut).append(j)
         root[max(a, b)] = min(a, b)
     return sorted(kept), sorted(cut)
 
 
-def closing_joint(joint: Joint) -> str:
-    """Reason why a joint cannot close a loop, "" if it can."""
+def closing_joint(joint: Joint, acted: frozenset[str]) -> str:
+    """Reason why a joint cannot close a loop, "" if it can. acted: paths of joints that actuators act on."""
+    if joint.path in acted:
+        return "an actuator"
     for name, what in (("drives", "a drive"), ("mimics", "a mimic"), ("armature", "armature"), ("friction", "dry friction")):
         if getattr(joint, name):
             return what

@@ -24,6 +24,7 @@ OFFSETS = {"first_link": "links", "body": "bodies", "parent": "links", "joint": 
            "first_coordinate": "coordinates", "dof_parent": "dofs", "first_entry": "entries", "first_column": "columns",
            "first_level": "levels", "level_start": "links", "by_level": "links", "first_child": "children", "child": "links",
            "last_dof": "dofs", "dof_link": "links", "dof_end": "dofs", "entry_dof": "dofs"}
+SCHEMES = {"rk4": 1, "symplectic_euler": 2, "backward_euler": 3}       # by name of the scene's integrator; others: -1
 ENDED = "first_link", "first_dof", "first_coordinate", "first_entry", "first_level", "level_start", "first_child"
 
 
@@ -38,7 +39,7 @@ class DeviceTrees(DeviceJoints):
         per = n // self.model.worlds
         one = {name: np.asarray(getattr(self.order, name)) for name in ("first_joint", "first_body", "body")}
         found, why = tree_links(self.joints, self.pairs, one["first_joint"][:per + 1], one["first_body"][:per + 1], one["body"],
-                                touching)
+                                touching, frozenset(a.joint for a in b.scene.things("Actuator")))
         if found is None:
             raise ValueError(why)
         self.links = found
@@ -143,6 +144,7 @@ class DeviceTrees(DeviceJoints):
         return {**{name: zeros(size, wp.vec3d) for name, size in vectors.items()},
                 **{name: zeros(size) for name, size in numbers.items()}, "Q": zeros("links", wp.quatd),
                 "inertia": zeros("links", wp.mat33d), "left": wp.zeros(islands, dtype=wp.float64, device=self.device),
+                "scheme": SCHEMES.get(self.model.scene.integrator, -1),
                 "soft_drives": wp.zeros(islands, dtype=int, device=self.device)}
 
     def _root_of(self) -> np.ndarray:
@@ -257,6 +259,11 @@ class DeviceTrees(DeviceJoints):
         kernel = tree_acceleration_kernel(self.model.real, self._tree_module("tree_accelerations"))
         self.launch_trees(kernel, [h, self.method.table, self.linked], [self.trees])
         return self.trees.tau.numpy()[:len(self.qd)]
+
+    def indicators(self) -> dict[str, float]:
+        """joint_residual: change of rates in the last sweep over limits and dry friction, over the largest rate, at most."""
+        left = float(self.trees.left.numpy().max(initial=0.0)) if not self.touching else 0.0
+        return super().indicators() | ({"joint_residual": left} if left > 0.0 else {})
 
     def error(self) -> tuple[float, float]:
         """Gaps of joints that close loops now, at most: [m], [rad]. Other locked axes have no error."""
