@@ -53,6 +53,9 @@ def _check_joint_numbers(joint: Joint) -> Iterator[Problem]:
         if isnan(low) or isnan(high) or low == inf or high == -inf:
             yield thing_error(path, f"limits of {name} are {low:g} and {high:g}",
                                "numbers, -inf for none below, inf for none above", "author other limits")
+        elif low > high:
+            yield thing_error(path, f"limits of {name} are {low:g} and {high:g}, the lower above the upper",
+                               "a lower limit that is not above the upper one", "swap them; equal ones lock the coordinate")
     for name, drive in joint.drives.items():
         for field in ("stiffness", "damping", "most"):
             value = getattr(drive, field)
