@@ -24,35 +24,12 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.eigen import eigen_three, identity_like
+from wsim.kernels.particles.mpm.material.series import exp_less_one, exp_matrix, log_matrix, log_one_plus, small_strain
 
 HARDENING = wp.constant(4.0)       # snow: largest exponent; 55 times as stiff
 OPENED = wp.constant(1.0)          # sand, water: largest opening, beyond it what has flown apart does not count
 PRESSED = wp.constant(-0.99)       # least s_i^2 - 1 of elastic laws, a tenth of the length; below it strain is not remembered:
 #                                    rounding would make B singular, and what is squeezed flat could not open again
-
-
-@wp.func
-def log_one_plus(x: Any):
-    """log(1 + x), right to some units of rounding for small x (Goldberg 1991, theorem 4)."""
-    one = type(x)(1.0)
-    u = one + x
-    found = x
-    if u != one:
-        found = wp.log(u) * x / (u - one)
-    return found
-
-
-@wp.func
-def exp_less_one(x: Any):
-    """exp(x) - 1, right to some units of rounding for small x (Higham 2002, section 1.14.1)."""
-    one = type(x)(1.0)
-    u = wp.exp(x)
-    found = x
-    if u < type(x)(1.0e-30):
-        found = -one
-    elif u != one:
-        found = (u - one) * x / wp.log(u)
-    return found
 
 
 @wp.func
@@ -180,48 +157,64 @@ def snow_energy(B: Any, q: Any, m: Any):
 
 
 @wp.func
-def sand_respond(B: Any, q: Any, m: Any):
-    zero = type(q)(0.0)
-    one = type(q)(1.0)
-    third = one / type(q)(3.0)
-    d, V = eigen_three(B)
-    e = d
-    flows = q != zero
-    for i in range(3):
-        flows = flows or not d[i] > type(q)(PRESSED)
-        e[i] = type(q)(0.5) * log_one_plus(wp.max(d[i], type(q)(PRESSED)))
+def sand_flow(sum: Any, size: Any, q: Any, m: Any):
+    """(centre, part, opening, whether it flows): of a sum and a size of the deviator of e, e = centre + part dev is left."""
+    zero, third = type(q)(0.0), type(q)(1.0) / type(q)(3.0)
     bulk = type(q)(3.0) * m[1] + m[0] + m[0]                   # tr tau / tr e
     apex = zero                                                # tr e at which cohesion ends
     if m[2] > zero:
         apex = type(q)(3.0) * m[3] / (m[2] * bulk)
-    volume = e[0] + e[1] + e[2] + q
+    volume = sum + q
     opened = zero
+    part = type(q)(1.0)
+    flows = q != zero
     if volume >= apex:
         opened = wp.min(volume - apex, type(q)(OPENED))
+        volume = apex
+        part = zero
         flows = True
-        for i in range(3):
-            e[i] = third * apex
     else:
-        mean = third * (volume - q)
-        part = one
-        dev = e
-        for i in range(3):
-            dev[i] = e[i] - mean
-        size = wp.length(dev)
         most = (m[3] - m[2] * third * bulk * volume) / (m[0] + m[0])
         if size > most:
             part = wp.max(most, zero) / size
             flows = True
-        for i in range(3):
-            e[i] = third * volume + part * dev[i]
-    tau = e
-    for i in range(3):
-        tau[i] = (m[0] + m[0]) * e[i] + m[1] * (e[0] + e[1] + e[2])
-        d[i] = exp_less_one(e[i] + e[i])
+    return third * volume, part, opened, flows
+
+
+@wp.func
+def sand_respond(B: Any, q: Any, m: Any):
+    third, one = type(q)(1.0) / type(q)(3.0), identity_like(B)
     B_out = B
-    if flows:
-        B_out = from_principal(V, d)
-    return B_out, opened, from_principal(V, tau), m[0] + m[0] + m[1] + wp.length(tau)
+    tau = B
+    opened = q
+    if wp.sqrt(wp.ddot(B, B)) < small_strain(q):               # nearly always
+        E = type(q)(0.5) * log_matrix(B)
+        sum = wp.trace(E)
+        dev = E - (third * sum) * one
+        centre, part, opened, flows = sand_flow(sum, wp.sqrt(wp.ddot(dev, dev)), q, m)
+        E = part * dev + centre * one
+        tau = (m[0] + m[0]) * E + (type(q)(3.0) * m[1] * centre) * one
+        if flows:
+            B_out = exp_matrix(E + E)
+    else:
+        d, V = eigen_three(B)
+        e = d
+        pressed = bool(False)
+        for i in range(3):
+            pressed = pressed or not d[i] > type(q)(PRESSED)
+            e[i] = type(q)(0.5) * log_one_plus(wp.max(d[i], type(q)(PRESSED)))
+        sum = e[0] + e[1] + e[2]
+        for i in range(3):
+            e[i] -= third * sum
+        centre, part, opened, flows = sand_flow(sum, wp.length(e), q, m)
+        for i in range(3):
+            e[i] = centre + part * e[i]
+            d[i] = exp_less_one(e[i] + e[i])
+            e[i] = (m[0] + m[0]) * e[i] + type(q)(3.0) * m[1] * centre
+        tau = from_principal(V, e)
+        if flows or pressed:
+            B_out = from_principal(V, d)
+    return B_out, opened, tau, m[0] + m[0] + m[1] + wp.sqrt(wp.ddot(tau, tau))
 
 
 @wp.func

@@ -15,8 +15,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.mpm.law_table import choose_law
 from wsim.kernels.particles.mpm.laws import determinant_strain
+from wsim.kernels.particles.mpm.material.law_table import choose_law
 from wsim.kernels.particles.mpm.tables import point_tables
 
 COURANT = wp.constant(0.5)         # cells that a wave may cross in a step

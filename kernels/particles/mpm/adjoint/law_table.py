@@ -1,4 +1,4 @@
-"""The adjoint of the law of a particle, by its number (`wsim.kernels.particles.mpm.law_table`)."""
+"""The adjoint of the law of a particle, by its number (`wsim.kernels.particles.mpm.material.law_table`)."""
 
 from functools import cache
 

@@ -12,7 +12,7 @@ from wsim import SceneError
 from wsim.gradient.inputs.by_name import inputs_by_name
 from wsim.gradient.recording import Recording
 from wsim.kernels.particles.mpm.adjoint.law_table import BACK, choose_law_adjoint
-from wsim.kernels.particles.mpm.law_table import LAWS, choose_law
+from wsim.kernels.particles.mpm.material.law_table import LAWS, choose_law
 from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.physics.mpm.adjoint import step
 from wsim.physics.mpm.adjoint.gradient import number_slopes

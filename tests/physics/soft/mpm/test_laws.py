@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.particles.mpm.law_table import LAWS, choose_law
+from wsim.kernels.particles.mpm.material.law_table import LAWS, choose_law
 from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.physics.mpm.objects import Granular, Jelly, Snow, Water
 
