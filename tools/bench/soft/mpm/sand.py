@@ -12,10 +12,12 @@ Column: sand of 30 degrees on a rough floor, in plane strain. The run-out is (L 
 repose of about 30 degrees and whose channel is 2 L0 wide; Lajeunesse, Monnier, Homsy 2005 (Phys. Fluids 17, 103302) found the
 same powers, with glass beads of 22 degrees, 45 mm between walls. --angle 22 --width 45: such beads, L0 = 100 mm; walls rub as
 smooth glass does, tan 13 (Jop, Forterre, Pouliquen 2005, J. Fluid Mech. 541), and half of the channel is simulated. A deposit
-ends where it is less than L0 / 50 deep: grains that roll on alone do not count.
+ends where it is less than L0 / 50 deep: grains that roll on alone do not count. The edge of what is L0 / 20 deep is told too: a
+continuum has a thin tip that no grains have, and its end depends on cells; the heap behind it does not.
 
-Hourglass: a silo 0.4 m wide with rough walls and a slot in its flat bottom, plane strain. Beverloo, Leniger, van de Velde 1961:
-the rate does not depend on the height. In plane strain it is rho sqrt(g) D^(3/2) times a factor.
+Hourglass: a silo 0.4 m wide with rough walls and a slot in its flat bottom, a plate 25 mm thick whatever the cells are, plane
+strain. Beverloo, Leniger, van de Velde 1961: the rate does not depend on the height. In plane strain it is
+C rho sqrt(g) (D - k d)^(3/2), d the size of grains; cells take their place here. Rates are told for each quarter of a second.
 """
 
 import argparse
@@ -29,7 +31,8 @@ from wsim.physics.mpm.objects import Granular
 GRAVITY, ANGLE = 9.81, 30.0
 GLASS = float(np.tan(np.radians(13.0)))        # friction of beads on a smooth wall
 LENGTH = 0.1               # L0 of columns [m]
-THIN = 0.02                # L0: the edge of a deposit
+THIN, HEAP = 0.02, 0.05    # L0: depth at the edge of a deposit, and of the heap without its tip
+PLATE = 0.0125             # half of the thickness of an hourglass's bottom [m]
 ROUGH = 10.0               # friction of a floor on which nothing slides
 
 
@@ -79,11 +82,11 @@ def run_slope(degrees: float, device: str, integrator: str, depth: float = 0.1, 
     return seen[-1], rate
 
 
-def deposit_edge(x: np.ndarray, volume: np.ndarray, width: float, cell: float) -> float:
-    """Where a deposit becomes thinner than THIN L0 [m], by the volume above each cell of the floor."""
+def deposit_edge(x: np.ndarray, volume: np.ndarray, width: float, cell: float, thin: float = THIN) -> float:
+    """Where a deposit becomes thinner than `thin` L0 [m], by the volume above each cell of the floor."""
     edges = np.arange(0.0, x.max() + 2.0 * cell, cell)
     depth = np.histogram(x, edges, weights=volume)[0] / (cell * width)
-    return float(edges[np.flatnonzero(depth <= THIN * LENGTH)[0]])
+    return float(edges[np.flatnonzero(depth <= thin * LENGTH)[0]])
 
 
 def expected_runout(aspect: float) -> float:
@@ -107,7 +110,8 @@ def run_column(aspect: float, device: str, integrator: str, channel: float, cell
     x, volume = sample.positions, np.pi / 6.0 * sample.widths**3
     found, theory = deposit_edge(x[:, 0], volume, width, cell) / LENGTH - 1.0, expected_runout(aspect)
     print(f"column a = {aspect:g}, angle {angle:g}, channel {2e3 * width if channel else 0:.0f} mm, {cells} cells: {len(x)} "
-          f"particles, run-out {found:.2f} L0 ({theory:.2f}, {100 * (found / theory - 1):+.0f} %), 99.5 % of it within "
+          f"particles, run-out {found:.2f} L0 ({theory:.2f}, {100 * (found / theory - 1):+.0f} %), of the heap "
+          f"{deposit_edge(x[:, 0], volume, width, cell, HEAP) / LENGTH - 1.0:.2f}, 99.5 % of it within "
           f"{np.quantile(x[:, 0], 0.995) / LENGTH - 1.0:.2f}, height {x[:, 1].max() / LENGTH:.2f} L0, "
           f"{time.process_time() - began:.0f} CPU s", flush=True)
     return found
@@ -116,13 +120,13 @@ def run_column(aspect: float, device: str, integrator: str, channel: float, cell
 def run_hourglass(height: float, device: str, integrator: str, slot: float = 0.1, cell: float = 0.0125, half: float = 0.2,
                   seconds: float = 1.6) -> float:
     """Mass a second and metre of depth that falls through a slot [kg/(s m)], from 40 % of the time on; printed."""
-    width, thick = 2 * cell, 4 * cell
+    width = 2 * cell
     scene = wsim.Scene(fps=60)
     add_wall(scene, "near", "Z", 0.0, 1.0)
     add_wall(scene, "far", "Z", width, -1.0)
     reach = 0.5 * (half - 0.5 * slot) + 0.1                    # half of a bottom plate, which goes on under the wall
     for name, side in (("left", -1.0), ("right", 1.0)):
-        scene.collider(f"/bottom_{name}", wsim.Box((reach, thick, 0.2)), at=(side * (0.5 * slot + reach), -thick, 0.5 * width),
+        scene.collider(f"/bottom_{name}", wsim.Box((reach, PLATE, 0.2)), at=(side * (0.5 * slot + reach), -PLATE, 0.5 * width),
                        static_friction=0.6, dynamic_friction=0.6)
         add_wall(scene, f"wall_{name}", "X", side * half, -side, 0.5)
     scene.mpm("/sand", wsim.Box((half, 0.5 * height, 0.5 * width)), at=(0, 0.5 * height, 0.5 * width), cell=cell,
@@ -132,13 +136,15 @@ def run_hourglass(height: float, device: str, integrator: str, slot: float = 0.1
     each = Granular().density * (0.5 * cell) ** 3 / width
     for _ in range(int(60 * seconds)):
         simulation.step()
-        mass.append(each * np.count_nonzero(simulation.samples()[0].positions[:, 1] < -2 * thick))
+        mass.append(each * np.count_nonzero(simulation.samples()[0].positions[:, 1] < -2 * PLATE))
     times, first = np.arange(1, len(mass) + 1) / 60.0, int(0.4 * len(mass))
     rate = float(np.polyfit(times[first:], mass[first:], 1)[0])
     factor = rate / (Granular().density * np.sqrt(GRAVITY) * slot**1.5)
+    quarters = " ".join(f"{4.0 * (mass[k + 15] - mass[k]):.0f}" for k in range(15, len(mass) - 15, 15))
     left = 1.0 - mass[-1] / (Granular().density * 2 * half * height)
     print(f"hourglass {height:g} m high, slot {1e3 * slot:g} mm, {slot / cell:g} cells: {rate:.1f} kg/(s m), {factor:.3f} "
-          f"rho sqrt(g) D^1.5, {100 * left:.0f} % left, {time.process_time() - began:.0f} CPU s", flush=True)
+          f"rho sqrt(g) D^1.5, by quarters of a second {quarters}, {100 * left:.0f} % left, "
+          f"{time.process_time() - began:.0f} CPU s", flush=True)
     return rate
 
 
@@ -151,6 +157,7 @@ def main() -> None:
     parser.add_argument("--angle", type=float, default=ANGLE, help="friction angle of columns [degrees]")
     parser.add_argument("--cells", type=int, default=16, help="along L0 of columns")
     parser.add_argument("--slot", type=float, default=100.0, help="of the hourglass [mm]")
+    parser.add_argument("--across", type=float, default=8.0, help="cells of its slot")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--integrator", default="explicit", choices=("explicit", "implicit"))
     given = parser.parse_args()
@@ -159,7 +166,7 @@ def main() -> None:
     for aspect in given.column:
         run_column(aspect, given.device, given.integrator, 1e-3 * given.width, given.cells, given.angle)
     for height in given.hourglass:
-        run_hourglass(height, given.device, given.integrator, 1e-3 * given.slot)
+        run_hourglass(height, given.device, given.integrator, 1e-3 * given.slot, 1e-3 * given.slot / given.across)
 
 
 if __name__ == "__main__":
