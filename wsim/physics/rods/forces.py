@@ -18,6 +18,7 @@ from wsim.kernels.rods.forces import strand_force_kernel
 from wsim.model import kernel_cache
 from wsim.physics.rods.tables import StrandTable
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.attachments import body_ties
 from wsim.scene.nodal.loads import given_curve
 
 if TYPE_CHECKING:
@@ -77,9 +78,25 @@ class StrandReactions:
     def paths(self) -> list[str]:
         return list(dict.fromkeys(pin.path for pin in self.strands.table.pins))
 
-    def of(self, path: str, world: int, time: float) -> np.ndarray:
-        """Reaction forces of a pin at `time` [s], in the order of its points [N], (points, 3)."""
+    def takes(self, path: str | None) -> bool:
+        """True if a path is that of a pin of strands, or of a tie of theirs to a rigid body."""
+        return path in self.paths() or any(tie.path == path for rods, _ in self.strands.table.pairs
+                                           for tie in body_ties(self.strands.model.scene, rods.path))
+
+    def _tie_forces(self, path: str, world: int) -> np.ndarray | None:
+        """Forces of a rigid body on the points of a tie, as the last substep had them [N]; None: it is no tie."""
         s, t = self.strands, self.strands.table
+        for (rods, of), place in zip(t.pairs, t.place, strict=True):
+            for tie in body_ties(s.model.scene, rods.path):
+                if tie.path == path and of == world:
+                    return np.asarray(s.part.arrays["tie"].numpy()[place[tie.points]])
+        return None
+
+    def of(self, path: str, world: int, time: float) -> np.ndarray:
+        """Reaction forces of a pin at `time` [s], or those of a tie, in the order of its points [N], (points, 3)."""
+        s, t = self.strands, self.strands.table
+        if (tied := self._tie_forces(path, world)) is not None:
+            return tied
         found = [(rods, place) for (rods, of), place in zip(t.pairs, t.place, strict=True) if of == world
                  for pin in rods.pins if pin.path == path]
         if not found:

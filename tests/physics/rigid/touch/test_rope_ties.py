@@ -117,6 +117,7 @@ def test_the_reaction_of_the_pin_bears_rope_and_weight():
     simulation.run(90)
     rope = method.table.values["m"].sum()
     assert simulation.reactions("/pin").sum(0) == pytest.approx((0.0, (2.0 + rope) * G, 0.0), abs=0.01)
+    assert simulation.reactions("/tie") == pytest.approx(np.array([[0.0, -2.0 * G, 0.0]]), abs=0.01)         # on the rope
 
 
 def pendulum_period(substeps: int) -> float:

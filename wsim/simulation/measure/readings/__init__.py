@@ -80,7 +80,7 @@ class Readings:
             return stress.stress_of_soft_body(self.plan, path, world)
 
     def reactions(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """Forces of a pin (None: the only one) on its points now [N], world, (n, 3) in the order in which it names them; their
+        """Forces of a pin (None: the only one), or of a rope's tie, on its points now [N], world, (n, 3) in their order; their
         sum is what it holds. See `wsim.simulation.measure.reaction`; compiles kernels when first called. Raises SceneError
         where there is none."""
         from wsim.simulation.measure.reaction import reactions_of_pin
