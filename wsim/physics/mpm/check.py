@@ -192,6 +192,7 @@ def check_step(thing: MaterialPoints, material: Any, scene: Scene) -> Iterator[P
         now = getattr(material, name)
         may = has_implicit_steps(things) and not has_obstacles(scene)
         or_implicit = ', or integrator="implicit"' if may else ""
-        yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of {length:.2g} s",
-                          f"up to {MOST} steps a frame",
-                          f"give {name}={now * (MOST / steps) ** 2:.2g} or less, larger cells, more fps{or_implicit}")
+        yield thing_error(thing.path, f"{name} is {now:.3g} Pa: a frame would take {steps:.3g} steps of {length:.2g} s, "
+                          "the longest that hold it", f"up to {MOST} steps a frame",
+                          f"give {name}={now * (MOST / steps) ** 2:.2g} or less, cells of {thing.cell * steps / MOST:.2g} m, "
+                          f"{scene.fps * steps / MOST:.2g} fps{or_implicit}")

@@ -208,7 +208,8 @@ class MaterialPointMethod(Method):
         if gone:
             return [self._give_up(gone - 1, "left the range of the grid; fix: give a floor, or larger cells")]
         if steps >= int(MOST):
-            return [self._give_up(find_fastest(self), f"needs more than {int(MOST)} steps a frame; fix: give a softer "
+            return [self._give_up(find_fastest(self), f"needs steps of {float(self.grid.clock.numpy()[0]):.2g} s, more "
+                                  f"than {int(MOST)} a frame; fix: give a softer "
                                   "material, a lower speed, larger cells, or more frames a second")]
         if excess:
             self.more *= max(excess / 100.0, 2.0)              # what jumps once may jump again

@@ -41,6 +41,7 @@ def node_rows(real):
         wall: wp.array(dtype=t.vec4)       # its velocity [m/s], dynamic friction
         rub: wp.array(dtype=real)          # its static friction
         load: wp.array(dtype=real)         # impulse of the collider along the normal [kg m/s]
+        inverse: wp.array(dtype=t.mat33)   # of the node's block of the matrix [1/kg]
         drag: wp.array(dtype=real)         # impulse of friction over the velocity that the node slides by [kg]
 
     return NodeRows
@@ -136,6 +137,8 @@ def start_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
             star = f.row(v, sum[3])
             if wp.static(walls):
                 v, near = find_wall(c, wall.node_place(g, b, n % CELLS), clock[0] + clock[1], g.dx, v, sum[3], n, nodes)
+            if nodes.hold[n][3] == real(OUTSIDE):              # the first guess: what rests goes on so
+                v = f.head(sum) / sum[3]
         nodes.star[n] = star
         nodes.drag[n] = real(0.0)
         nodes.v[n] = f.row(v, near)

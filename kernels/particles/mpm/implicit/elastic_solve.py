@@ -2,12 +2,11 @@
 
     R = m (v - v*) - f(v);  (m - df/dv) y = -R;  v += y                               f: impulses of stress, elastic_points.py
     w = A z,  gamma = r.z,  delta = z.w,  beta = gamma / gamma',  alpha = gamma / (delta - beta gamma / alpha')
-    p = z + beta p,  s = w + beta s,  y += alpha p,  r -= alpha s,  z = r / m         (Chronopoulos, Gear 1989; ' is the last)
+    p = z + beta p,  s = w + beta s,  y += alpha p,  r -= alpha s,  z = P r           (Chronopoulos, Gear 1989; ' is the last)
 
-Preconditioned by masses (and drags), the total of m y is that of r, which is 0: momentum stays. At a node that a collider holds
-r has no part along the normal. Coulomb friction is a drag, of the load and the slip of the step of Newton before: mu load /
-max(slip, CREEP). Nodes change their state where the last step of Newton was small. Sums are in float64, by blocks in the order
-of their keys.
+P: elastic_precondition.py, which also keeps momentum. At a node that a collider holds r has no part along the normal. Coulomb
+friction is a drag, of the load and the slip of the step of Newton before: mu load / max(slip, CREEP). Nodes change their
+state where the last step of Newton was small. Sums are in float64, by blocks in the order of their keys.
 """
 
 # ruff: noqa: UP018
@@ -31,7 +30,7 @@ SUMMERS = 256                      # threads that add up parts on CUDA
 
 @cache
 def solve_kernels(cpu: bool, real, module) -> SimpleNamespace:
-    """Kernels over nodes: set_residual, multiply_nodes, update_nodes, add_change; rank_blocks over blocks."""
+    """Kernels over nodes: set_residual, multiply_nodes, update_nodes; rank_blocks over blocks."""
     t, T, N = types(real), point_tables(real), node_rows(real)
     gather, f = node_function(real), solve_functions(real)
 
@@ -45,7 +44,7 @@ def solve_kernels(cpu: bool, real, module) -> SimpleNamespace:
         return f.head(sum)
 
     @wp.func
-    def press_node(R: t.vec3, m: real, n: int, settled: bool, eps: real, nodes: N):
+    def press_node(R: t.vec3, m: real, n: int, begun: bool, settled: bool, eps: real, nodes: N):
         """Residual that is left at a node within a collider, and 1 where it is pressed anew or no more: when settled."""
         hold = nodes.hold[n]
         normal = f.head(hold)
@@ -54,8 +53,10 @@ def solve_kernels(cpu: bool, real, module) -> SimpleNamespace:
         w = f.head(v) - f.head(nodes.wall[n])
         into = wp.dot(w, normal)
         slip = w - into * normal
+        load = wp.dot(R, normal)
+        if begun and state == real(SLIDES):
+            nodes.load[n] = wp.max(load, real(0.0))
         if settled and state < real(STICKS):
-            load = wp.dot(R, normal)
             if state == real(FREE):
                 if into < real(0.0):
                     state = real(SLIDES)
@@ -85,18 +86,16 @@ def solve_kernels(cpu: bool, real, module) -> SimpleNamespace:
         star = nodes.star[n]
         m = star[3]
         r = t.vec3()
-        z = t.vec3()
         if m > real(0.0):
             R = m * (f.head(nodes.v[n]) - f.head(star)) - read_impulse(g, sums, nodes, n)
             r = -R
             if nodes.hold[n][3] >= real(FREE):
                 settled = number[5] <= wp.float64(SETTLED) and flag[2] < flag[4] - int(LAST)
-                r, changed = press_node(R, m, n, settled, real(CREEP) * g.dx / clock[0], nodes)
+                r, changed = press_node(R, m, n, flag[2] > 0, settled, real(CREEP) * g.dx / clock[0], nodes)
                 if changed > 0:
                     flag[5] = 1
-            z = r / (m + nodes.drag[n])
         nodes.r[n] = f.row(r, real(0.0))
-        nodes.z[n] = f.row(z, real(0.0))
+        nodes.z[n] = t.vec4()
         nodes.p[n] = t.vec4()
         nodes.s[n] = t.vec4()
         nodes.y[n] = t.vec4()
@@ -126,12 +125,7 @@ def solve_kernels(cpu: bool, real, module) -> SimpleNamespace:
             nodes.y[n] = nodes.y[n] + alpha * p
             r = nodes.r[n] - alpha * s
             nodes.r[n] = r
-            nodes.z[n] = f.row(f.head(r) / (m + nodes.drag[n]), real(0.0))
-
-    def add_change(g: T.BlockGrid, nodes: N):
-        n = wp.tid()
-        if n // CELLS < wp.min(g.used[0], g.key.shape[0]):
-            nodes.v[n] = nodes.v[n] + nodes.y[n]
+            nodes.z[n] = f.row(f.filtered(nodes.hold[n], nodes.inverse[n] * f.head(r)), real(0.0))
 
     def rank_blocks(g: T.BlockGrid, rank_out: wp.array(dtype=int)):
         """How many keys are smaller: blocks are numbered as threads come, and sums need one order."""
@@ -145,7 +139,7 @@ def solve_kernels(cpu: bool, real, module) -> SimpleNamespace:
             rank_out[b] = rank
 
     made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'cpu_' * cpu}{t.name}", module=module, enable_backward=False)
-            for k in (set_residual, multiply_nodes, update_nodes, add_change, rank_blocks)}
+            for k in (set_residual, multiply_nodes, update_nodes, rank_blocks)}
     return SimpleNamespace(**made)
 
 

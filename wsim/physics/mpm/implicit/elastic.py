@@ -13,14 +13,15 @@ import wsim.physics.mpm.grid as explicit
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.implicit.elastic_nodes import node_rows, start_kernel
 from wsim.kernels.particles.mpm.implicit.elastic_points import finish_kernels, force_kernels, linear_rows
+from wsim.kernels.particles.mpm.implicit.elastic_precondition import precondition_kernel, shift_kernels
 from wsim.kernels.particles.mpm.implicit.elastic_solve import SUMMERS, decision_kernels, dot_kernel, solve_kernels
 from wsim.kernels.particles.mpm.tables import CELLS, LAYER
 from wsim.kernels.particles.mpm.transfers import cell_kernel, sorted_kernels
 from wsim.model.structs import fill_struct
 
 TOLERANCE = 1e-5           # root mean square of the error of the way of a node in a step [cells]
-SHARE = 0.02               # of the residual of a step of Newton that conjugate gradients leave
-MOST_STEPS = 12            # of Newton
+SHARE = 0.1                # of the residual of a step of Newton that conjugate gradients leave
+MOST_STEPS = 20            # of Newton
 MOST_ITERATIONS = 1000     # of conjugate gradients, a step of Newton
 
 
@@ -37,10 +38,13 @@ class ElasticGrid(explicit.SparseGrid):
         self.start_nodes = start_kernel(kinds, cpu, real, module)
         self.by_force, self.by_finish = force_kernels(laws, cpu, real, module), finish_kernels(kinds, laws, cpu, real, module)
         self.by_node, self.dot_nodes = solve_kernels(cpu, real, module), dot_kernel(cpu, real, module)
+        self.precondition_nodes = precondition_kernel(real, module)
         self.by_decision = decision_kernels(real, self.model.module_of(SUMMERS) if self.cuda else module)
         self.number, self.still = self.zeros(6, wp.float64), self.zeros(2)
         self.flag = wp.array([0, 0, 0, 0, MOST_STEPS, 0, int(bool(kinds))], dtype=int, device=self.model.device)
         self.newton, self.gradients, self.turns, self.last = self.flag[:1], self.flag[1:2], self.flag[2:3], self.number[5:]
+        self.by_shift = shift_kernels(cpu, real, module, self.model.module_of(SUMMERS) if self.cuda else module)
+        self.shift = self.zeros(self.model.worlds, types(real).vec4)
         self.by_one = decision_kernels(real, module).begin_gradients
         self.tolerance = TOLERANCE
 
@@ -55,9 +59,11 @@ class ElasticGrid(explicit.SparseGrid):
         t, n = types(self.real), CELLS * blocks
         names = ("star", "v", "f", "r", "z", "w", "p", "s", "y", "hold", "wall")
         self.solve = fill_struct(node_rows(self.real), rub=self.zeros(n), load=self.zeros(n), drag=self.zeros(n),
+                                 inverse=self.zeros(n, t.mat33),
                                  **{name: self.zeros(n, t.vec4) for name in names})
         self.impulses = self.solve.f
         self.rank, self.parts = self.zeros(blocks, int), self.zeros(CELLS // LAYER * blocks, wp.vec2d)
+        self.lost, self.lost_world = self.zeros(CELLS // LAYER * blocks, wp.vec4d), self.zeros(CELLS // LAYER * blocks, int)
 
     def run_frame(self, dt: float, word: Any) -> None:
         real = self.real
@@ -102,10 +108,20 @@ class ElasticGrid(explicit.SparseGrid):
         g, n, force = self.grid, CELLS * self.blocks, [self.points, self.materials, self.grid, self.clock]
         self._transfer(self.by_force.set_forces, [*force, self.solve.v, self.linear])
         self.launch(self.by_node.set_residual, n, [g, self.sums, self.clock, self.number, self.flag, self.solve])
+        self.launch(self.precondition_nodes, n, [g, self.points, self.materials, self.clock, self.solve])
         self.launch(self.by_one, 1, [self.number, self.flag])
         wp.capture_while(self.gradients, self.gradient_step)
-        self.launch(self.by_node.add_change, n, [g, self.solve])
+        self._add_change()
         self._decide(True)
+
+    def _add_change(self) -> None:
+        g, threads = self.grid, SUMMERS if self.cuda else 1
+        self.launch(self.by_shift.sum_residuals, CELLS // LAYER * self.blocks,
+                    [g, self.rank, self.solve, self.lost, self.lost_world])
+        how: dict[str, Any] = {"block_dim": SUMMERS} if self.cuda else {}
+        wp.launch(self.by_shift.sum_shifts, threads * self.model.worlds, [g, self.lost, self.lost_world, threads, self.shift],
+                  device=self.model.device, **how)
+        self.launch(self.by_shift.add_change, CELLS * self.blocks, [g, self.shift, self.solve])
 
     def gradient_step(self) -> None:
         """Launches an iteration of conjugate gradients."""
