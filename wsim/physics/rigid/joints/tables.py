@@ -227,7 +227,8 @@ class DeviceJoints:
 
     def frame_warnings(self) -> list[tuple[tuple, float, str]]:
         """See `wsim.model.stage.Method.frame_warnings`."""
-        return [(("joints", "ignored"), 0.0, self.ignored)] if self.ignored else []
+        said, self.ignored = self.ignored, ""                 # once
+        return [(("joints", "ignored"), 0.0, said)] if said else []
 
     @property
     def what(self) -> str:
