@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
+from pxr import Sdf, UsdPhysics
 
+from tests.physics.joints.test_stacked import stage_of
 from wsim import Actuator, Box, Curve, Scene, SceneError, Simulation, load, save
 from wsim.scene.check.scene import check_scene
 
@@ -204,3 +206,21 @@ def test_kinds_and_gradients_are_refused():
     scene.actuator("motor", "/motor", "/a")
     with pytest.raises(SceneError, match="is an actuator, which has no derivative yet"):
         Simulation(scene, device="cpu", gradients=True)
+
+
+@pytest.mark.parametrize(("acts", "axis"), [(0, 2), (1, 0)])
+def test_actuator_of_one_of_two_hinges_between_bodies_turns_about_that_one(acts, axis, tmp_path):
+    """Two hinges that add mobility become one joint; a motor of either turns body 1 about its own axis, and body 0 back."""
+    stage = stage_of(tmp_path, [(UsdPhysics.RevoluteJoint, "Z", -90.0, 90.0), (UsdPhysics.RevoluteJoint, "X", -90.0, 90.0)])
+    UsdPhysics.Scene.Define(stage, "/scene").CreateGravityMagnitudeAttr(0.0)
+    motor = stage.DefinePrim("/motor", "MjcActuator")
+    motor.CreateRelationship("mjc:target", False).SetTargets([f"/j{acts}"])
+    motor.CreateAttribute("mjc:gear", Sdf.ValueTypeNames.DoubleArray).Set([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    motor.CreateAttribute("wsim:control", Sdf.ValueTypeNames.Double).Set(1000.0)
+    motor.AddAppliedSchema("WsimActuatorAPI")
+    scene = load(stage)
+    (found,) = scene.things("Actuator")
+    assert found.joint == "/j0" and found.axis in ("rotX", "rotY") and abs(found.gear) == 2.0
+    spin = run(scene, 1).links().spin[0]
+    turn = spin[1] - spin[0]
+    assert turn[axis] > 0.0 and np.abs(np.delete(turn, axis)).max() < 0.05 * turn[axis]
