@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from tools.scenes.cloth import cloth, material
 from tools.scenes.fluid import placed
-from tools.usda import block, ground, listed, moved, number, said, scene, settings, solid
+from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
+from wsim import shapes
 
 API = '["WsimMaterialPointsAPI"]'
 # name, colour, place [m], Young's modulus [Pa], spin [rad/s]
@@ -119,10 +121,27 @@ def sand_castle() -> str:
         camera((0.82, 0.72, 1.14), 35.7, -26.0)], frames=24)
 
 
+def sand_on_cloth() -> str:
+    """The cloth weighs 0.1 kg, the sand 11 kg."""
+    points, counts, indices = shapes.sheet(0.8, 0.8, 16, 16, horizontal=True)
+    points = points - points.mean(axis=0) + np.array([0.0, 0.62, 0.0])
+    corners = [0, 16, 16 * 17, 16 * 17 + 16]
+    sand = body("Sand", ("Sphere", "double radius = 0.12\n" + moved(0.02, 0.77, 0.0)), (0.66, 0.48, 0.26), 0.05,
+                "A ball of dry sand: it falls apart on the cloth.", material="sand", young=1e5, friction_angle=0.55)
+    sheet = cloth("Cloth", (points, counts, indices), "sailcloth", (0.16, 0.26, 0.42),
+                  "A cloth of a hundredth of the sand's mass. It sags by the weight that lies on it.")
+    return scene("Sand falls into a cloth that hangs by its corners, and weighs it down.", [
+        settings(solver="implicit", substeps=4, iterations=8, comment="Newton steps: sweeps would leave threads loose that bear a hundred times the "
+                 "cloth's weight."),
+        sand, material("sailcloth", damping=0.016), sheet, block("Xform", "Posts", ""),
+        pin("Corners", "/World/Cloth", corners, "/World/Posts", "Its corners stay where they are."),
+        ground(), camera((0.85, 1.5, 1.25), 34.0, -36.0)], frames=60, fps=60)
+
+
 def upright(x: float, y: float, z: float) -> str:
     """A cylinder's axis, and its place [m]."""
     return 'uniform token axis = "Y"\n' + moved(x, y, z)
 
 
 GRAIN_SCENES = {"snowball": snowball, "jelly_cubes": jelly_cubes, "hourglass": hourglass,
-                "sand_castle": sand_castle}
+                "sand_castle": sand_castle, "sand_on_cloth": sand_on_cloth}

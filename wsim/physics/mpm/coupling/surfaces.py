@@ -41,7 +41,7 @@ class SurfaceExchange:
         self.attached = fill_struct(
             self.tables.Attached, near=wp.zeros(count, dtype=int, device=device),
             corner=wp.zeros(count, dtype=wp.vec3i, device=device),
-            **{name: wp.zeros(count, dtype=t.vec3, device=device) for name in ("place", "share")})
+            **{name: wp.zeros(count, dtype=t.vec3, device=device) for name in ("place", "part", "share")})
 
     def connect_loads(self, loads: Any) -> None:
         """loads: the method that adds loads to gravity, or None."""
@@ -67,4 +67,5 @@ class SurfaceExchange:
 
     def release(self, grid: Any) -> None:
         """Launches what gives particles the change of velocity of the points that carried them."""
-        grid.launch(self.kernels.release_particles, grid.count, [grid.points, self.exchange.walls, self.points, self.attached])
+        grid.launch(self.kernels.release_particles, grid.count,
+                    [grid.points, self.exchange.walls, self.points, self.attached, self.state.x])
