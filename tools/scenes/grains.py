@@ -131,8 +131,8 @@ def sand_on_cloth() -> str:
     sheet = cloth("Cloth", (points, counts, indices), "sailcloth", (0.16, 0.26, 0.42),
                   "A cloth of a hundredth of the sand's mass. It sags by the weight that lies on it.")
     return scene("Sand falls into a cloth that hangs by its corners, and weighs it down.", [
-        settings(solver="implicit", substeps=4, iterations=8, comment="Newton steps: sweeps would leave threads loose that bear a hundred times the "
-                 "cloth's weight."),
+        settings(solver="implicit", substeps=4, iterations=8, comment="Newton steps: sweeps would leave threads loose that "
+                 "bear a hundred times the cloth's weight."),
         sand, material("sailcloth", damping=0.016), sheet, block("Xform", "Posts", ""),
         pin("Corners", "/World/Cloth", corners, "/World/Posts", "Its corners stay where they are."),
         ground(), camera((0.85, 1.5, 1.25), 34.0, -36.0)], frames=60, fps=60)

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud
+from wsim.physics.contact.collider.shells import body_shells
 from wsim.physics.mpm.objects import MaterialPoints, MaterialSink
 from wsim.physics.mpm.seeding import coarsened, place_particles
 from wsim.physics.mpm.sources.pouring import PouringShape
@@ -68,7 +70,8 @@ def check_sink(thing: MaterialSink, scene: Scene) -> Iterator[Problem]:
 def check_start(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     """An error of what pours into a solid, a convex collider, and a warning of a body that begins in one."""
     M, places = thing.motion.at(0.0), None
-    for collider in scene.colliders:
+    within: list[Any] = [*scene.colliders, *body_shells(scene)]
+    for collider in within:
         if isinstance(collider.shape, (Surface, PointCloud)):
             continue
         if places is None:
