@@ -6,13 +6,14 @@ Curves with PhysicsCurvesDeformableSimAPI are read as springs of stiffness E A /
 cross-section); their bending and twist are not simulated.
 """
 
+from __future__ import annotations
+
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from wsim.scene import Springs
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute, define_attribute, is_authored, read_attribute, to_usd_array
 from wsim.usd.load_varying import check_topology, note_varying_values, value_attributes_of_prim
@@ -28,6 +29,9 @@ from wsim.usd.prims.fabric import (
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import author_motion, read_placement
 from wsim.usd.transforms.curves import author_curve, read_curve
+
+if TYPE_CHECKING:
+    from wsim.scene import Springs
 
 
 def load_body(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Springs | None:
@@ -73,6 +77,7 @@ def _curve_segments(counts: np.ndarray, periodic: bool) -> np.ndarray:
 
 def _read_spring_net(reading: StageReading, prim: Usd.Prim, vertices, particles, segments) -> Springs | None:
     """A net with WsimSpringsAPI."""
+    from wsim.scene import Springs
     first = np.unique(particles, return_index=True)[1]
     edges = particles[segments]
     edges = edges[edges[:, 0] != edges[:, 1]]
@@ -132,6 +137,7 @@ def author_muscles(prim: Usd.Prim, springs: Springs, units: StageUnits) -> None:
 def _read_curves_as_springs(reading: StageReading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray,
                             edges: np.ndarray) -> Springs | None:
     """A curves deformable: stiffness E A / L and mass of each segment from its rest shape."""
+    from wsim.scene import Springs
     path, motion = prim.GetPath(), read_placement(reading, prim).motion
     reading.warn(path, "is simulated as springs along its segments, without bending, twist and wsim:selfCollision: it is no "
                        "BasisCurves with open ends; author wrap = nonperiodic for these")
