@@ -151,6 +151,7 @@ NATIVE = {              # other files with native code: what Warp cannot say
     "kernels/math/team.py": "sums over teams of threads",
     "kernels/particles/mpm/cpu/vectors.py": "four numbers of a particle at a time on a CPU",
     "kernels/particles/sort.py": "an order that does not depend on threads",
+    "kernels/rigid/joint/tree/lanes.py": "shuffles within a warp, entries of matrices by lanes",
     "kernels/rods/coupled_newton/warps.py": "the greatest of a warp",
     "kernels/contact/selfcontact/tree.py": "reads and writes of boxes past the caches",
 }

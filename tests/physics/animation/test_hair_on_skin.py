@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.make.physics.animation.lying import lying_cube
 from tests.physics.animation.make import bones, skin
-from wsim.geometry import rotation
 from wsim.physics.animation.objects import Follow, Skeleton, Skinned
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Scene, SceneError, Sphere, Surface, shapes
@@ -21,17 +21,6 @@ def hairy(skeleton: Skeleton, skinned: Skinned, counts, indices, number: int = 1
     scene.add(skeleton)
     body = scene.collider("/man/body", Surface(skinned.at(0.0), counts, indices, poses=skinned), motion=skeleton.motion)
     return scene, scene.hair("/hair", body, number, 0.05, diameters=0.001, young=1e8, **more)
-
-
-def lying_cube() -> tuple:
-    """A box whose faces are quads, bound to one joint that moves and turns, in a skeleton that moves, too."""
-    points, counts, indices = shapes.box((0.2, 0.1, 0.3), 2)
-    times = np.array([0.0, 0.1, 0.2])
-    turn = rotation.quaternion_exponential(np.array([[0.0, 0, 0], [0.3, 0.2, -0.4], [0.5, 0.9, 0.1]]))
-    skeleton = Skeleton("/man/bones", ("hip",), np.eye(4)[None], times=times, rotations=turn[:, None],
-                        translations=np.array([[[0.0, 0, 0]], [[0.1, 0, 0]], [[0.1, 0.2, 0]]]),
-                        motion=Motion.through([0.0, 0.2], [(0, 0, 0), (0, 0, 0.3)]))
-    return skeleton, Skinned(skeleton, points, np.zeros((len(points), 1), int), np.ones((len(points), 1))), counts, indices
 
 
 def test_hair_on_a_rigid_part_goes_with_its_joint():

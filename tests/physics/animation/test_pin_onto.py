@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.make.physics.animation.lying import lying_cube
 from tests.physics.animation.make import bones, skin
-from tests.physics.animation.test_hair_on_skin import lying_cube
 from wsim.physics.animation.skinning import nearest_triangles, triangle_distances
 from wsim.scene import Plane, Scene, SceneError, Sphere, Surface, shapes
 from wsim.scene.curve import Curve, Motion

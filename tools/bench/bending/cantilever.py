@@ -15,8 +15,8 @@ from tools.bench.bending.strips import LENGTH, MESHES, strip
 from wsim.geometry import topology
 from wsim.model.model import make_body
 from wsim.physics.cloth.constraints import Constraints, constraints_of_body
+from wsim.physics.cloth.objects import Cloth
 from wsim.physics.motion import frequency
-from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
 
 CELLS = (10, 20, 40)

@@ -6,7 +6,7 @@ import pytest
 import warp as wp
 from pxr import Sdf, UsdPhysics
 
-from tests.physics.joints.test_stacked import stage_of
+from tests.make.physics.joints.stacked import stage_of
 from wsim import Actuator, Box, Curve, Scene, SceneError, Simulation, load, save
 from wsim.scene.check.scene import check_scene
 

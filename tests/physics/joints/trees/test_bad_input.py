@@ -5,8 +5,8 @@ from math import inf
 import pytest
 
 import wsim
+from tests.make.physics.joints.chains import linkage
 from tests.physics.joints.trees.chains import chain_scene
-from tests.physics.joints.trees.test_closed import linkage
 from wsim.physics.rigid.joints.joint import Drive
 
 

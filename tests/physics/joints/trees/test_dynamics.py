@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.make.physics.joints.chains import heavy_chain
 from tests.physics.joints.trees.chains import body_frames, chain_scene, constrained_accelerations, trees_of
-from wsim import Box, Scene
 from wsim.cli.run import prepare_recorded_run
 from wsim.geometry import rotation
 
@@ -122,21 +122,6 @@ def test_momenta_of_a_free_chain_stay():
     before = momenta()
     simulation.run(30)
     assert np.abs(momenta() - before).max() < 1e-7 * np.abs(before).max()
-
-
-def heavy_chain(substeps: int) -> Scene:
-    """Ten links of 1 kg carry 1000 kg, which swing."""
-    scene = Scene(fps=60, substeps=substeps, coordinates="reduced")
-    last = None
-    for k in range(11):
-        size = 0.05 if k < 10 else 0.5
-        body = scene.body(f"/b{k}", Box((0.05, size, 0.05)), at=(0.0, -0.05 - 0.1 * k - 0.45 * (k == 10), 0.0),
-                          mass=1.0 if k < 10 else 1000.0)
-        body.colliders[0].meets = False
-        scene.joint("revolute", f"/j{k}", last, body, at=(0.0, -0.1 * k, 0.0), axis=(0, 0, 1))
-        last = body
-    last.velocity[0] = 0.5
-    return scene
 
 
 def test_a_chain_carries_a_thousand_times_its_weight():

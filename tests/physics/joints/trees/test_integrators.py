@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.make.physics.joints.chains import heavy_chain
 from tests.physics.joints.trees.chains import chain_scene, trees_of
-from tests.physics.joints.trees.test_dynamics import heavy_chain
 from wsim.physics.rigid.joints.joint import Drive
 
 STIFF = Drive(stiffness=2e4, damping=1000.0, target=0.2)

@@ -1,7 +1,7 @@
 """Which coordinates the joints of a scene are solved in: reduced where all of them form trees, else maximal.
 
 The example's humanoid, which lands with stiff drives: 20 substeps a frame err by 2 mm in reduced coordinates and by 120 mm in
-maximal ones, 1.8 and 4.1 ms a frame on a CPU, 67 and 119 ms on an H200 (tools/bench/rigid/trees.py).
+maximal ones, 1.8 and 4.1 ms a frame on a CPU, 28 and 119 ms on an H200 (tools/bench/rigid/trees.py).
 """
 
 from typing import Any
