@@ -4,7 +4,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, UsdPhysics
 
 from tests.make.physics.joints.stacked import stage_of
 from wsim.geometry import rotation
