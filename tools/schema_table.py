@@ -17,8 +17,9 @@ def table() -> str:
     """A heading and a table for each API schema: attribute, type, fallback, meaning."""
     layer, parts = Sdf.Layer.FindOrOpen(str(SCHEMA)), []
     for prim in layer.rootPrims:
-        parts.append(f"**{prim.name}**: {line(prim.documentation)}\n\n{HEAD}")
-        parts += [row(spec) for spec in prim.properties]
+        rows = [row(spec) for spec in prim.properties]
+        parts.append(f"**{prim.name}**: {line(prim.documentation)}" + ("" if rows else " It has no attributes."))
+        parts += ["", HEAD, *rows] if rows else []
         parts.append("")
     return "\n".join(parts)
 

@@ -281,7 +281,7 @@ class Scene(ArrayDataclass):
         return self.loads[-1]
 
     def traction(self, path: str, body, triangles, traction) -> Load:
-        """Adds a traction [Pa], (3,) or a Curve, on triangles (m, 3) of a cloth or soft body (`nodal.loads.between`)."""
+        """Adds a traction [Pa], (3,) or a Curve, on triangles (m, 3) of a cloth or soft body (`surface_triangles_among`)."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, as_curve_over_time(traction),
                                triangles=triangles))
         return self.loads[-1]
