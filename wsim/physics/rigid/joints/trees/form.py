@@ -17,6 +17,8 @@ class TreeContactForm(forms.ContactPassForm):
 
     def __init__(self, trees):
         device, found = trees.model.device, forms.ContactPassForm("listed")
+        if not device.is_cuda and forms.choose_pass_form(device, 0).coloured:
+            found = forms.form_by_name("coloured", device)                     # the bits of a GPU's teams
         per_world = len(trees.links.first_link) - 1
         if device.is_cuda and trees.model.worlds == 1 and per_world > 1:
             few = per_world <= forms.THREADS // LANES
@@ -32,16 +34,17 @@ class TreeContactForm(forms.ContactPassForm):
 
     def make(self, model, bouncing: bool, linked: int = 0) -> None:
         self.model, self.islands = model, linked
-        self.wide = self.coloured
+        self.wide = self.name in ("block", "cluster")
         self.threads = forms.THREADS * self.blocks if self.wide else self.team
         meet = tree_barrier if not self.wide else block.cluster_barrier if self.blocks > 1 else block.block_barrier
         sizes = {"threads": forms.THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
-        if self.wide:
+        if self.coloured:
             from wsim.kernels.rigid.graph.colours import contact_colour_kernel
-            own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS)
+            own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS * self.wide)
             self.kernels["colours"] = contact_colour_kernel(model.real, own, meet, **sizes)
-        module = model.shared_module("rigid_touching_trees", self.blocks, self.wide, threads=min(forms.THREADS, self.threads))
-        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.wide, **sizes)
+        block_size = min(forms.THREADS, self.threads)
+        module = model.shared_module("rigid_touching_trees", self.blocks, self.coloured, threads=block_size)
+        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, **sizes)
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         rig.work.strayed.zero_()
