@@ -177,7 +177,7 @@ def test_gradients_are_refused_by_path():
 
 def test_an_approximation_is_read_and_saved_and_an_unknown_one_is_told(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
-    for name, said in (("hull", "convexHull"), ("plain", None), ("odd", "sdf")):
+    for name, said in (("hull", "convexHull"), ("plain", None), ("field", "sdf"), ("odd", "star")):
         mesh = UsdGeom.Mesh.Define(stage, f"/{name}")
         mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
         mesh.CreateFaceVertexCountsAttr([3, 3, 3, 3])
@@ -189,7 +189,8 @@ def test_an_approximation_is_read_and_saved_and_an_unknown_one_is_told(tmp_path)
     UsdPhysics.RigidBodyAPI.Apply(stage.GetPrimAtPath("/ball"))
     stage.Save()
     scene = load(tmp_path / "a.usda")
-    assert {c.path: c.approximation for c in scene.colliders} == {"/hull": "convexHull", "/plain": "none", "/odd": "none"}
-    assert any("is sdf" in p.text and p.path.startswith("/odd") for p in scene.notes)
+    assert {c.path: c.approximation for c in scene.colliders} == {"/hull": "convexHull", "/plain": "none", "/field": "sdf",
+                                                            "/odd": "none"}
+    assert any("is star" in p.text and p.path.startswith("/odd") for p in scene.notes)
     save(scene, tmp_path / "b.usda")
     assert {c.path: c.approximation for c in load(tmp_path / "b.usda").colliders}["/hull"] == "convexHull"

@@ -22,7 +22,7 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 
 SWEEPS = wp.constant(64)
 DONE = wp.constant(wp.float64(1.0e-12))      # of the largest rate: change in a sweep at which sweeps end
-AT = wp.constant(wp.float64(1.0e-6))         # [m], [rad] from a limit: there, behind the places
+AT = wp.constant(wp.float64(1.0e-9))         # [m], [rad] from a limit: there, behind the places
 BACK = wp.constant(wp.float64(0.2))
 REACH, NEAR = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(0.02))       # a blow may reach farther: then a step late
 

@@ -113,7 +113,8 @@ def solve_link_responses(link: int, T: Trees):
     if T.loops.first_row[g + 1] > T.loops.first_row[g]:
         less = loop_link_share(g, link, link, T)
         for item in range(tree_lane(), six * six, tree_lanes()):
-            T.swing[link][item // 6, item % 6] = T.swing[link][item // 6, item % 6] - less[item // 6, item % 6]
+            left = T.swing[link][item // 6, item % 6] - less[item // 6, item % 6]
+            store_response(T.swing, link, item // 6, item % 6, left)
         tree_barrier()
 
 

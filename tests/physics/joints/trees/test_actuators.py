@@ -1,6 +1,5 @@
 """Actuators beside MuJoCo, in both coordinates; controls; files; what is refused."""
 
-import mujoco
 import numpy as np
 import pytest
 import warp as wp
@@ -63,6 +62,7 @@ def run(scene: Scene, frames: int = 30, **more) -> Simulation:
 
 def peer(xml: str, controls, time: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """(accelerations at the start, angles at the time) of MuJoCo."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (pip install mujoco)")
     model = mujoco.MjModel.from_xml_string(ARM.format(xml))
     data = mujoco.MjData(model)
     data.ctrl[:] = controls

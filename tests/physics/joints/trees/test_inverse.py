@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from tests.physics.joints.trees.chains import chain_scene
 from wsim import Box, Goal, JointTree, Scene, SceneError, Simulation
@@ -66,6 +65,7 @@ def test_the_pose_of_rest_is_nearest_among_solutions():
         def missed(x, at=at):
             M = tree.poses(x)[HAND][0]
             return M[:3, :3] @ END + M[:3, 3] - at
+        minimize = pytest.importorskip("scipy.optimize").minimize
         best = minimize(lambda x: ((x - rest)**2).sum(), q, jac=lambda x: 2 * (x - rest), method="SLSQP",
                         constraints={"type": "eq", "fun": missed}, bounds=[(-2.6, 2.6), (-2.0, 2.0)] * 3 + [(-2.6, 2.6)],
                         options={"ftol": 1e-12, "maxiter": 200})

@@ -17,6 +17,7 @@ from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.physics.mpm.adjoint import step
 from wsim.physics.mpm.adjoint.gradient import number_slopes
 from wsim.physics.mpm.objects import Granular, Jelly, Snow, Water
+from wsim.physics.mpm.tile_grid import TileGrid
 from wsim.scene.curve import Motion
 
 MATERIALS = {"neo_hookean": Jelly(2e4), "corotational": Jelly(2e4, model="corotational", viscosity=1.0),
@@ -281,8 +282,9 @@ def test_worlds_are_apart():
     assert both.value("/heap", "young", 0) == 0.0 and (both.gravity(0) == 0.0).all()
 
 
-def test_a_frame_that_needs_more_blocks_is_recorded_with_more():
+def test_a_frame_that_needs_more_blocks_is_recorded_with_more(monkeypatch):
     """120 particles fly apart: each comes to lie in up to 8 blocks of its own."""
+    monkeypatch.setattr(TileGrid, "least_blocks", 64)
     scene = heap("sand", frames=3, fps=10.0)
     thing = scene.things("MaterialPoints")[0]
     thing.velocity = 40.0 * np.random.default_rng(3).normal(size=thing.points.shape) + [0.0, 60.0, 0.0]
