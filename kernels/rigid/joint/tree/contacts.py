@@ -5,7 +5,7 @@ bodies.
 
 Velocities are those of the coordinates, as u (responses.py). Impulses of a manifold are found together along n, then friction
 point by point, and go to all dofs of a tree at once, so that what hangs on a link is felt in the first sweep. All lanes of a
-tree find the same impulses.
+tree find the same impulses. Where joints leave neither side a motion along n, A_ii is 0 and the point bears nothing.
 """
 
 from functools import cache
@@ -31,6 +31,8 @@ from wsim.kernels.rigid.joint.tree.responses import cross_response, link_twist, 
 from wsim.kernels.rigid.joint.tree.tables import Trees, mat66d, vec6d
 from wsim.kernels.rigid.motion import double_vec3
 from wsim.kernels.rigid.soft_step import NEAR, contact_goal_functions
+
+STUCK = wp.constant(1.0e-10)       # of a free body's response to an impulse: below it, joints hold a point in that direction
 
 
 @wp.struct
@@ -135,6 +137,15 @@ def link_contact_functions(real):
         b_by = point_line(pair.x_b + double_vec3(rig.work.r_b[4 * m + e]), double_vec3(d_by))
         return real(relative_response(pair, a, b, a_by, b_by))
 
+    @wp.func
+    def drop_stuck_points(m: int, rig: Rig):
+        """Points that bear nothing, since joints hold both sides along n: what presses there, a rail does."""
+        A = rig.work.A[m]
+        for i in range(rig.c.count[m]):
+            if A[i, i] <= real(0.0):
+                rig.c.push[4 * m + i] = real(0.0)
+                rig.c.rub[4 * m + i] = t.vec3()
+
     @standalone_function
     @wp.func
     def prepare_link_manifold(m: int, k: int, rig: Rig, T: Trees):
@@ -145,6 +156,8 @@ def link_contact_functions(real):
                 prepare_arms(m, k, rig)
             tree_barrier()
             pair = read_link_pair(m, k, rig, T)
+            free = rig.work.A[m]
+            tree_barrier()                                # all lanes have read it
             n = rig.c.n[m]
             t1 = first(n)
             t2 = wp.cross(n, t1)
@@ -155,11 +168,18 @@ def link_contact_functions(real):
                     found = wp.where(i == e, real(1.0), real(0.0))
                     if i < count and e < count:
                         found = line_response(pair, m, i, n, e, n, rig)
+                        if i == e and found <= real(STUCK) * free[i, i]:
+                            found = real(0.0)
                     store_normal(rig.work.A, m, i, e, found)
                 if i < count:
                     for e in range(column_lane(), three, column_lanes()):
                         found = line_response(pair, m, i, wp.where(e == 2, t2, t1), i, wp.where(e == 0, t1, t2), rig)
+                        if e != 1:
+                            found = wp.max(found, real(STUCK) * free[i, i])
                         store_tangent(rig.work.K, 4 * m + i, e, found)
+            tree_barrier()
+            if tree_lane() == 0:
+                drop_stuck_points(m, rig)
             tree_barrier()
 
     @standalone_function
@@ -220,6 +240,7 @@ def link_contact_functions(real):
             pair = read_link_pair(m, k, rig, T)
             n = rig.c.n[m]
             most = fastest(m, rig)
+            A = rig.work.A[m]
             wanted = t.vec4()
             soft = t.vec4()
             close = t.vec4()
@@ -232,10 +253,10 @@ def link_contact_functions(real):
                     soft[i] = wants[2]
                     if wants[2] == real(0.0):
                         close[i] = real(NEAR)
-                    if wants[0] > real(0.0):
+                    if wants[0] > real(0.0) and A[i, i] > real(0.0):
                         acts[i] = 1
                         wanted[i] = -(wp.dot(n, pair_slip(pair, m, i, rig)) + wants[1])
-            more = together(rig.work.A[m], before, wanted, soft, close, acts)
+            more = together(A, before, wanted, soft, close, acts)
             a = vec6d()
             b = vec6d()
             tree_barrier()

@@ -109,7 +109,7 @@ class RowDrive:
 
 @wp.func
 def row_drive(j: int, r: int, k: int, part: wp.float64, J: Linked):
-    """Drive of row r of joint j, at a part of substep k."""
+    """Drive of row r of joint j, at a part of substep k; at the end of a frame k is the number of substeps."""
     found = RowDrive()
     if j >= 0:
         if J.t.drive[j, r] > NONE and J.broken[j] == 0:
@@ -119,8 +119,9 @@ def row_drive(j: int, r: int, k: int, part: wp.float64, J: Linked):
             found.speed = J.t.speed[j, r]
             found.most = J.t.most[j, r]
             if J.t.aiming == 1:
-                found.target = J.t.aim[k, j, r] + part * (J.t.aim[k + 1, j, r] - J.t.aim[k, j, r])
-                found.speed = J.t.pace[k, j, r] + part * (J.t.pace[k + 1, j, r] - J.t.pace[k, j, r])
+                after = wp.min(k + 1, J.t.aim.shape[0] - 1)
+                found.target = J.t.aim[k, j, r] + part * (J.t.aim[after, j, r] - J.t.aim[k, j, r])
+                found.speed = J.t.pace[k, j, r] + part * (J.t.pace[after, j, r] - J.t.pace[k, j, r])
     return found
 
 

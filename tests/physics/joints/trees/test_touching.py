@@ -5,10 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
 import wsim
+from tests.make.physics.joints.aims import WAY
 from tests.physics.joints.trees.chains import trees_of
 from wsim import Box, Plane, Scene, Sphere
+from wsim.physics.rigid.joints.joint import Drive
+from wsim.scene import Varying
 
 SCENES = Path(__file__).resolve().parents[4] / "scenes"
 
@@ -75,3 +79,40 @@ def test_a_hinged_pair_slides_on_a_slope_or_holds(angle):
     speed = trees_of(simulation)[0].velocities()[:, 0]
     exact = max(0.0, 9.81 * (np.sin(tilt) - mu * np.cos(tilt)))
     assert np.abs(speed - exact).max() < 0.01 * max(exact, 0.1)
+
+
+def test_drives_that_follow_curves_read_no_row_beyond_those_of_the_frame():
+    """A slider with a stiff drive lies on a floor. Behind the table of its targets there are no numbers."""
+    ends, whole = [], {}
+    for beyond in (0.0, np.nan):
+        scene = Scene(fps=20, substeps=4, coordinates="reduced")
+        scene.collider("/floor", Plane())
+        body = scene.body("/b", Box((0.1, 0.1, 0.1)), at=(0.0, 0.1, 0.0))
+        scene.joint("prismatic", "/rail", None, body, at=(0.0, 0.1, 0.0), axis=(1, 0, 0), drives={"transX": Drive(4e5, 4e2)})
+        scene.varying.append(Varying("/rail", "target", WAY))
+        simulation = wsim.Simulation(scene, device="cpu", precision="float64")
+        simulation.load()
+        linked = trees_of(simulation)[1].linked
+        t = linked.t
+        for name in ("aim", "pace"):
+            whole[name] = wp.full((6, 1, 6), beyond, dtype=wp.float64, device="cpu")
+            setattr(t, name, whole[name][:5])
+        t.aiming, linked.t = 1, t
+        simulation.run(3)
+        ends.append(simulation.poses()["/b"])
+    assert np.isfinite(ends[1]).all() and np.array_equal(*ends)
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0.6, 0.8)])
+@pytest.mark.parametrize("shape", [Box((0.1, 0.1, 0.1)), Sphere(0.1)])
+def test_a_slider_that_its_rail_holds_is_not_pushed_by_what_it_touches(axis, shape):
+    """It touches a floor, across or along its rail; along the floor friction of what bears nothing is 0: v = a t."""
+    scene = Scene(fps=60, substeps=4, coordinates="reduced", gravity=(1.0, -9.81, 0.0))
+    scene.collider("/floor", Plane())
+    body = scene.body("/b", shape, at=(0.0, 0.1, 0.0))
+    scene.joint("prismatic", "/rail", None, body, at=(0.0, 0.1, 0.0), axis=axis)
+    simulation = wsim.Simulation(scene, device="cpu", precision="float64")
+    simulation.run(30)
+    place = simulation.poses()["/b"][:3, 3]
+    expected = (0.125, 0.1, 0.0) if axis[0] else (0.0, 0.1, 0.0)
+    assert place == pytest.approx(expected, abs=2e-3)
