@@ -64,7 +64,7 @@ from wsim.kernels.rigid.motion import body_structs, double_quat, double_vec3, ro
 LONG = wp.constant(wp.float64(1.0))        # (h omega)^2 of one step: unstable from 8 on; at 1 it damps 0.7 % of that mode
 MOST = wp.constant(64)                     # parts of a substep
 STIFF = wp.constant(wp.float64(1.0))       # rk4 is stable up to 2.8^2 and 2.8
-RK4, ROS2, SYMPLECTIC, IMPLICIT = wp.constant(1), wp.constant(0), wp.constant(2), wp.constant(3)      # of `soft_drives`
+RK4, ROS2, SYMPLECTIC, IMPLICIT = wp.constant(1), wp.constant(0), wp.constant(2), wp.constant(3)      # of `integrator`
 GAMMA = wp.constant(wp.float64(1.0 - 0.5**0.5))
 
 
@@ -111,7 +111,7 @@ def tree_step_functions(real):
         ready_loops(g, T)
         scale_accelerations(g, T, J)
         stiffness = wp.max(drive_stiffness(g, h, T, J), actuator_stiffness(g, h, T, J))
-        T.soft_drives[g] = wp.where(T.scheme >= 0, T.scheme, wp.where(stiffness < STIFF, int(RK4), int(ROS2)))
+        T.integrator[g] = wp.where(T.scheme >= 0, T.scheme, wp.where(stiffness < STIFF, int(RK4), int(ROS2)))
         tree_barrier()
 
     @standalone_function
@@ -246,7 +246,7 @@ def tree_step_functions(real):
     def step_tree(g: int, k: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """One step, with limits and dry friction where they act: their impulses change the end velocity and the mean rate
         alike."""
-        predict_tree(g, k, T.soft_drives[g], h, b, T, J)
+        predict_tree(g, k, T.integrator[g], h, b, T, J)
         if passes_tree_limit(g, T, J) == 1:
             dofs = tree_dofs(g, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):

@@ -145,8 +145,8 @@ def tree_structs():
         answer: wp.array(dtype=wp.float64)           # of links: Z (responses.py), (dofs on the way to the root, 6) each
         swing: wp.array(dtype=mat66d)                # of links: Z^T Z, spatial velocity by a wrench at O
         left: wp.array(dtype=wp.float64)             # of trees: what the last sweep over limits changed, at most in a frame
-        scheme: int                                  # of all trees, as `soft_drives`; -1: by the stiffness of their drives
-        soft_drives: wp.array(dtype=int)             # of trees: how they step (steps.py)
+        scheme: int                                  # of all trees, as `integrator`; -1: by the stiffness of their drives
+        integrator: wp.array(dtype=int)              # of trees: how they step (steps.py)
 
     return TreeTable, Trees
 

@@ -91,7 +91,7 @@ def tree_part_functions(real, meet):
         """Places a tree at its coordinates, with the factors of H and limits; its bodies are turned as it is."""
         place_tree(g, T)
         assemble_tree_matrix(g, T)
-        if T.soft_drives[g] == ROS2 or T.soft_drives[g] == IMPLICIT:
+        if T.integrator[g] == ROS2 or T.integrator[g] == IMPLICIT:
             add_drive_inertia(g, k, wp.float64(h), T, J)
             add_actuator_inertia(g, k, wp.float64(h), T, J)
         factor_tree_matrix(g, T)
@@ -122,7 +122,7 @@ def tree_part_functions(real, meet):
     @wp.func
     def predict_tree(g: int, k: int, h: wp.float64, rig: Rig, J: Linked, T: Trees, P: Trees):
         copy_tree_state(g, T.q, T.qd, P.q, P.qd, T)
-        advance(g, k, T.soft_drives[g], h, rig.b, P, J)
+        advance(g, k, T.integrator[g], h, rig.b, P, J)
         reset_limit_impulses(g, T)
         dofs = tree_dofs(g, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):

@@ -96,7 +96,7 @@ def test_a_stiff_drive_turns_a_linkage_to_its_target():
     runs = [driven(n) for n in (4, 8, 16)]
     assert max(joint_gap(run) for run in runs) < 1e-12
     trees = trees_of(runs[-1])[1]
-    assert trees.trees.soft_drives.numpy()[0] == 0 and abs(trees.q.numpy()[0] + 0.4) < 1e-2
+    assert trees.trees.integrator.numpy()[0] == 0 and abs(trees.q.numpy()[0] + 0.4) < 1e-2
     places = [run.poses()["/b1"][:3, 3] for run in runs]
     assert np.linalg.norm(places[1] - places[2]) < 1e-5
 

@@ -35,7 +35,7 @@ def test_a_named_integrator_steps_every_tree():
     for name, code in (("rk4", 1), ("symplectic_euler", 2), ("backward_euler", 3), ("auto", 1)):
         simulation = wsim.Simulation(chain_scene(["revolute"], integrator=name), device="cpu")
         simulation.step()
-        assert trees_of(simulation)[1].trees.soft_drives.numpy()[0] == code
+        assert trees_of(simulation)[1].trees.integrator.numpy()[0] == code
 
 
 def test_the_tip_of_a_chain_with_a_heavy_end_converges_with_order_four():

@@ -99,9 +99,10 @@ def test_a_bowl_that_slides_keeps_its_balls():
     assert max(far) < 0.9 - 0.15 + 2e-3 and cup[0, 3] > 0.05
 
 
-def test_two_gears_turn_at_the_ratio_of_their_teeth():
+@pytest.mark.parametrize("coordinates", ["maximal", "reduced"])
+def test_two_gears_turn_at_the_ratio_of_their_teeth(coordinates):
     """12 teeth drive 20. What is left over many turns is the play between teeth, 0.06 modules of 0.1 m on a radius of 1 m."""
-    scene = Scene(fps=60, substeps=8, gravity=(0, 0, 0), up="Z", coordinates="maximal")
+    scene = Scene(fps=60, substeps=8, gravity=(0, 0, 0), up="Z", coordinates=coordinates)
     one = scene.body("/one", gear(12, 0.1, 0.2), dynamic_friction=0.0, static_friction=0.0)
     turn = np.pi * (1.0 + 1.0 / 20)
     M = np.eye(4)

@@ -24,8 +24,6 @@ def why_maximal(b) -> str:
             return "contacts with restitution"
         if solids.bodies_may_sleep(scene):
             return "bodies in contact may sleep"
-        if solids.bodies_have_meshes(scene):
-            return "bodies touch as concave meshes"
     return ""
 
 

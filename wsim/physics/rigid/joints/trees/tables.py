@@ -145,7 +145,7 @@ class DeviceTrees(DeviceJoints):
                 **{name: zeros(size) for name, size in numbers.items()}, "Q": zeros("links", wp.quatd),
                 "inertia": zeros("links", wp.mat33d), "left": wp.zeros(islands, dtype=wp.float64, device=self.device),
                 "scheme": SCHEMES.get(self.model.scene.integrator, -1),
-                "soft_drives": wp.zeros(islands, dtype=int, device=self.device)}
+                "integrator": wp.zeros(islands, dtype=int, device=self.device)}
 
     def _root_of(self) -> np.ndarray:
         """Link that is the root of each link's tree."""
