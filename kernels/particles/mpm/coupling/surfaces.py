@@ -20,14 +20,12 @@ from wsim.kernels.contact.collider.segment import segment_queries
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.mpm.coupling.contact import GAP
 from wsim.kernels.particles.mpm.coupling.impulses import impulse_functions
 from wsim.kernels.particles.mpm.coupling.tables import FINE, push_tables
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.tables import point_tables
 from wsim.kernels.particles.mpm.walls import SKIN
 
-UPRIGHT = wp.constant(0.7)         # least cosine between a triangle's normal and the way to a particle whose side it tells
 REACH = wp.constant(1.5)           # cells from a surface within which particles count as next to it
 
 
@@ -144,30 +142,6 @@ def surface_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
         for a in range(3):
             w.pushed.point[3 * n + a] = wp.int64(0)
 
-    @wp.func
-    def keep_side(s: own.SurfacePoints, of: own.Attached, x: wp.array(dtype=t.vec3), p: int, y: t.vec3, way: t.vec3, gap: real):
-        """A way that ends on the side of its triangle on which y is of where particles saw that, by the gap at least or as
-        far as it was. y and x count from one place."""
-        c = of.corner[p]
-        b = of.part[p]
-        a0 = x[s.row[c[0]]]
-        a1 = x[s.row[c[1]]]
-        a2 = x[s.row[c[2]]]
-        b0 = a0 - s.place[c[0]]
-        b1 = a1 - s.place[c[1]]
-        b2 = a2 - s.place[c[2]]
-        before = wp.normalize(wp.cross(b1 - b0, b2 - b0))
-        now = wp.normalize(wp.cross(a1 - a0, a2 - a0))
-        off = y - (b[0] * b0 + b[1] * b1 + b[2] * b2)
-        height = wp.dot(off, before)
-        found = way
-        if wp.abs(height) > real(UPRIGHT) * wp.length(off):
-            side = wp.sign(height)
-            lacks = wp.min(wp.abs(height), gap) - side * wp.dot(y + way - (b[0] * a0 + b[1] * a1 + b[2] * a2), now)
-            if lacks > real(0.0):
-                found = way + (side * lacks) * now
-        return found
-
     def release_particles(points: T.PointRows, w: tables.Walls, s: own.SurfacePoints, of: own.Attached,
                           x: wp.array(dtype=t.vec3)):
         p = wp.tid()
@@ -188,7 +162,6 @@ def surface_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
             part, n = shape.first_hit(w.table.kind[k], w.table.size[k], w.table.mesh[k], a, q, real(SKIN) * dx)
             if part < real(1.0):
                 way = ask.world(w.table, k, a + part * (q - a), w.pushed.dt) - y
-            way = keep_side(s, of, x, p, y - ask.center(w.table, k, w.pushed.dt), way, real(GAP) * dx)
         part = real(1.0)
         for other in range(w.table.kind.shape[0]):             # what is not pushed stays in the way
             if w.pushed.first[other] < 0:
