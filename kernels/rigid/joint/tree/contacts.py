@@ -251,8 +251,7 @@ def link_contact_functions(real):
                     before[i] = rig.c.push[4 * m + i]
                     wants = goal(rig.work.now[4 * m + i], before[i], h, most, biased)
                     soft[i] = wants[2]
-                    if wants[2] == real(0.0):
-                        close[i] = real(NEAR)
+                    close[i] = wp.where(wants[2] == real(0.0), real(NEAR), real(0.0))
                     if wants[0] > real(0.0) and A[i, i] > real(0.0):
                         acts[i] = 1
                         wanted[i] = -(wp.dot(n, pair_slip(pair, m, i, rig)) + wants[1])
