@@ -271,8 +271,7 @@ def adjoints(files: dict[Path, str]) -> Iterator[str]:
 def words(files: dict[Path, str]) -> Iterator[str]:
     for path, text in files.items():
         for number, line in enumerate(text.splitlines(), 1):
-            found = WORDS.search(line)
-            if found:
+            if found := WORDS.search(line):
                 yield f"{path}:{number}: '{found.group()}' does not belong into the repository"
 
 
@@ -289,9 +288,10 @@ def texts(root: Path = ROOT) -> dict[Path, str]:
 def main() -> int:
     gc.disable()                            # trees hold no garbage, and looking for it takes half of the time
     files = sources()
+    ours = dict(product(files).values())
     complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *ports(files), *adjoints(files),
-                  *words(files), *words(texts()), *lint_names.worse_names(dict(product(files).values()))]
-    print(lint_names.describe_names(dict(product(files).values())))
+                  *words(files), *words(texts()), *lint_names.worse_names(ours), *lint_names.constants_assigned_twice(ours)]
+    print(lint_names.describe_names(ours))
     print("\n".join(complaints) if complaints else f"house rules hold in {len(files)} files")
     return 1 if complaints else 0
 

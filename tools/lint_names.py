@@ -117,3 +117,16 @@ def old_hooks(trees: dict[Path, ast.Module]) -> Iterator[str]:
             if isinstance(node, ast.ClassDef) and "find_remedies" in inherited_names(node.name, methods, bases):
                 yield from (f"{path}:{inner.lineno}: the hook `{inner.name}` is `{OLD_HOOKS[inner.name]}` now"
                             for inner in node.body if isinstance(inner, ast.FunctionDef) and inner.name in OLD_HOOKS)
+
+
+def constants_assigned_twice(files: dict[Path, ast.Module]) -> Iterator[str]:
+    """Constants of a module that a second assignment replaces for all functions of the file, those above it too."""
+    for path, tree in files.items():
+        seen: dict[str, int] = {}
+        for statement in tree.body:
+            targets = (statement.targets if isinstance(statement, ast.Assign) else
+                       [statement.target] if isinstance(statement, ast.AnnAssign) else [])
+            for name in (node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)):
+                if name in seen and name != "_":
+                    yield f"{path}:{statement.lineno}: {name} has a value since line {seen[name]}: rename one of the two"
+                seen[name] = statement.lineno

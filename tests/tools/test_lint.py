@@ -50,6 +50,14 @@ def test_a_hook_under_its_old_name_is_caught():
     assert said == "wsim/odd.py:2: the hook `retry` is `find_remedies` now"
 
 
+def test_a_constant_that_is_assigned_twice_is_caught():
+    """The second value counts in functions above it too: clusters of 16 blocks were off for a day by one."""
+    twice = {Path("wsim/a.py"): ast.parse("MANY = 64\ndef f():\n    return MANY\nMANY = 1000\n")}
+    assert "MANY has a value since line 1" in next(lint.lint_names.constants_assigned_twice(twice))
+    once = {Path("wsim/a.py"): ast.parse("A, _ = 1, 2\nB, _ = 3, 4\n")}
+    assert not list(lint.lint_names.constants_assigned_twice(once))
+
+
 def test_names_that_a_base_class_demands_do_not_count_again():
     body = "    def take(self): ...\n"
     text = f"class Base:\n{body}class A(Base):\n{body}class B(Base):\n{body}"
@@ -59,6 +67,10 @@ def test_names_that_a_base_class_demands_do_not_count_again():
 
 def test_names_are_no_worse_than_they_were():
     assert list(lint.lint_names.worse_names(dict(lint.product(FILES).values()))) == []
+
+
+def test_no_constant_is_assigned_twice():
+    assert not list(lint.lint_names.constants_assigned_twice(dict(lint.product(FILES).values())))
 
 
 def test_no_folder_is_full():

@@ -16,12 +16,13 @@ from contextlib import nullcontext
 from math import prod
 from typing import Any
 
-LARGE, MANY = 90, 64   # compute capability and multiprocessors on which clusters of 16 blocks were run; 8 fit everywhere
+# Compute capability, and the fewest multiprocessors, on which clusters of 16 blocks were run; clusters of 8 fit everywhere.
+LARGE_CLUSTER_ARCH, LARGE_CLUSTER_PROCESSORS = 90, 64
 
 
 def has_large_clusters(device) -> bool:
     """True if clusters of 16 blocks were run on such a device."""
-    return device.arch == LARGE and device.sm_count >= MANY
+    return device.arch == LARGE_CLUSTER_ARCH and device.sm_count >= LARGE_CLUSTER_PROCESSORS
 
 
 class KernelLaunches:
@@ -172,7 +173,7 @@ class LaunchList:
         wp.capture_launch(self.graph)
 
 
-MANY = 1000              # launches of a frame from which substeps are a loop on the device: a GPU captures 30 in a millisecond
+LOOP_LAUNCHES = 1000     # launches of a frame from which substeps are a loop on the device: a GPU captures 30 in a millisecond
 PEELED = 3               # substeps whose launches the graph of a loop has
 ROOM, OF_POINT, OF_COLLIDER = 1 << 20, 256, 1024       # bytes for rows of tables that a loop reads; more for each of these
 
@@ -183,7 +184,7 @@ def loop_of(plan) -> SubstepLoop | None:
     if plan.model.fuser or plan.model.gradients or not all(m.alike for m in methods):
         return None
     launches = sum(row["launches"] for row in plan.table() if row["rate"] != "frame")
-    return SubstepLoop(plan.model, plan.clock) if plan.clock.substeps * launches > MANY else None
+    return SubstepLoop(plan.model, plan.clock) if plan.clock.substeps * launches > LOOP_LAUNCHES else None
 
 
 class SubstepLoop:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.model.launches import LARGE, has_large_clusters
+from wsim.model.launches import LARGE_CLUSTER_ARCH, has_large_clusters
 from wsim.physics.motion.fast_paths.cluster import THREADS
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def pcg_cluster_for(model: Model, n: int, systems: int, most: int) -> PcgCluster
     """The cluster for systems of at most n points, of at most `most` blocks each; None where registers do not suffice, the
     device has no clusters, or not all of a world run at once."""
     device = model.device
-    if not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE:
+    if not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE_CLUSTER_ARCH:
         return None
     size = 16 if has_large_clusters(device) else 8
     return None if systems * size > device.sm_count else plan_pcg_cluster(n, most, size, np.dtype(model.dtype).itemsize)

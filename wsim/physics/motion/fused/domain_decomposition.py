@@ -22,7 +22,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.fused.domain_decomposition import LISTS, sheet_patch_table
 from wsim.kernels.motion.fused.tet_elements import STRESS
 from wsim.kernels.soft import fem
-from wsim.model.launches import LARGE, has_large_clusters
+from wsim.model.launches import LARGE_CLUSTER_ARCH, has_large_clusters
 from wsim.model.structs import fill_struct
 from wsim.physics.cloth.elements import CornerElements
 from wsim.physics.motion.fused.plan import FOUR, BlockPlan
@@ -191,7 +191,7 @@ def blocks_take_acts(model) -> bool:
 def cluster_cannot_take(pull) -> bool:
     """True if a cluster cannot take the elements of a model: see kernels/motion/fused/sheet.py."""
     model, device = pull.model, pull.model.device
-    return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE
+    return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE_CLUSTER_ARCH
             or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs)
             or not {e.kind for e in pull.elements if isinstance(e, CornerElements)} <= KINDS
             or not all(isinstance(table, Tetrahedra) and table.maths is fem and table.material in STRESS and not table.plastic
