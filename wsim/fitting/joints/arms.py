@@ -94,7 +94,7 @@ class DeviceArms:
 
     def origin(self) -> np.ndarray:
         """The places of each link count from here [m], (links, 3)."""
-        roots = self.tree.trees._root_of()[self.which]
+        roots = self.tree.trees.root_of()[self.which]
         return self.tree.method.origin[np.array(self.tree.links.body)[roots]]
 
 

@@ -10,19 +10,25 @@ from wsim.kernels.rigid.joint.tree.kinematics import place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.loops.basis import constrain_tree_rates, ready_loops
 from wsim.kernels.rigid.joint.tree.loops.steps import constrain_tree_accelerations
-from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, solve_tree_matrix, tree_dofs
+from wsim.kernels.rigid.joint.tree.mass_matrix import (
+    assemble_tree_matrix,
+    factor_tree_matrix,
+    link_inertia_world,
+    solve_tree_matrix,
+    tree_dofs,
+)
 from wsim.kernels.rigid.joint.tree.newton_euler import sum_tree_wrenches
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
+from wsim.kernels.rigid.joint.tree.substep.bases import link_base_twist, place_tree_base, take_base_velocity
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_vec3
 
 
-def tree_substep_kernel(real, module):
+def tree_substep_kernel(real, module, moving: bool = False):
     """Kernel of substeps steps[0] .. steps[1] of h [s] of trees and of bodies without joints: a thread each. asleep: 1 for
-    bodies
-    of those that stay, or None."""
+    bodies of those that stay, or None. moving: what some hang from moves (bases.py)."""
     Bodies, Moving = body_structs(real)
-    f, lone = tree_step_functions(real), joint_step_functions(real)
+    f, lone = tree_step_functions(real, moving), joint_step_functions(real)
     begin, step, write, kicks, place = f.begin, f.step, f.write, lone.kicks, lone.place
 
     def rigid_trees(steps: wp.vec2i, h: real, b: Bodies, J: Linked, T: Trees, asleep: wp.array(dtype=int), now: Moving):
@@ -39,6 +45,8 @@ def tree_substep_kernel(real, module):
                 step(g, k, d, b, T, J)
                 note_actuator_work(g, k, d, T, J)
                 note_drive_work(g, k, d, T, J)
+            if wp.static(moving):
+                place_tree_base(g, steps[1] - 1, wp.float64(1.0), d, T, J)
             place_tree(g, T)
             write(g, T, now)
         elif tree_lane() == 0:
@@ -50,14 +58,16 @@ def tree_substep_kernel(real, module):
 
 
 def tree_velocity_kernel(real, module):
-    """Kernel, over trees: qd of the momenta of its bodies, by least kinetic energy of what is left over, H qd = S^T (L + r x
-    p, p)."""
+    """Kernel, over trees where a frame begins: qd of the momenta of its bodies, by least kinetic energy of what is left over,
+    H qd = S^T (L + r x p, p), both beyond what they have from a base that moves."""
     Bodies, Moving = body_structs(real)
 
-    def project_tree_velocity(now: Moving, T: Trees):
+    def project_tree_velocity(now: Moving, J: Linked, T: Trees):
         g = wp.tid() // tree_lanes()
         t = T.t
         if t.first_link[g + 1] > t.first_link[g]:
+            place_tree_base(g, 0, wp.float64(0.0), wp.float64(0.0), T, J)
+            take_base_velocity(g, 0, T, J)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             root = t.first_link[g]
@@ -68,9 +78,13 @@ def tree_velocity_kernel(real, module):
             tree_barrier()
             factor_tree_matrix(g, T)
             for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
-                p = double_vec3(now.p[t.body[link]])
+                r = T.X[link] - T.X[root]
+                base = link_base_twist(link, root, T)
+                w = wp.vec3d(base[0], base[1], base[2])
+                p = double_vec3(now.p[t.body[link]]) - t.mass[link] * (wp.vec3d(base[3], base[4], base[5]) + wp.cross(w, r))
+                L = double_vec3(now.L[t.body[link]]) - link_inertia_world(link, T) * w
                 T.F[link] = -p
-                T.N[link] = -double_vec3(now.L[t.body[link]]) - wp.cross(T.X[link] - T.X[root], p)
+                T.N[link] = -L - wp.cross(r, p)
             tree_barrier()
             sum_tree_wrenches(g, T)
             solve_tree_matrix(g, T.tau, T)
@@ -82,9 +96,9 @@ def tree_velocity_kernel(real, module):
     return wp.kernel(project_tree_velocity, name="project_tree_velocity", module=module, enable_backward=False)
 
 
-def tree_acceleration_kernel(real, module):
+def tree_acceleration_kernel(real, module, moving: bool = False):
     """Kernel, over trees: accelerations qdd in `tau` at q, qd, with drives as they are at the end of substep 0."""
-    f = tree_step_functions(real)
+    f = tree_step_functions(real, moving)
     begin, evaluate = f.begin, f.evaluate
     Bodies, _ = body_structs(real)
 

@@ -1,7 +1,7 @@
 """Forward kinematics of trees: places of links, motion subspaces of joints, velocities, and the coordinates after a step.
 
     frame b = frame a . slides . hinges or ball          S of a slide e: (0, e), of a turn about e through p: (e, e x (O - p))
-    V_l = V_parent + S qd
+    V_l = V_parent + S qd;    of a root whose base moves with v at p and spins with w: V_parent = (w, v + w x (O - p))
 """
 
 import warp as wp
@@ -9,7 +9,7 @@ import warp as wp
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.rotation import rotate_vector, rotation_exponential, unit_quaternion
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
-from wsim.kernels.rigid.joint.tree.tables import Trees
+from wsim.kernels.rigid.joint.tree.tables import Trees, vec6d
 
 
 @wp.func
@@ -87,7 +87,22 @@ def place_tree(g: int, T: Trees):
 
 
 @wp.func
-def move_link_velocity(link: int, T: Trees):
+def hangs_from_base(link: int, T: Trees):
+    """Whether the joint of link l is one to what does not move by forces."""
+    return T.t.parent[link] < 0 and T.t.joint[link] >= 0
+
+
+@standalone_function
+@wp.func
+def base_twist(link: int, root: int, T: Trees):
+    """Spatial velocity of what link l hangs from (bases.py)."""
+    w = T.base_w[link]
+    v = T.base_v[link] + wp.cross(w, T.X[root] - T.t.at_a[link])
+    return vec6d(w[0], w[1], w[2], v[0], v[1], v[2])
+
+
+@wp.func
+def move_link_velocity(link: int, root: int, T: Trees):
     t = T.t
     p = t.parent[link]
     w = wp.vec3d()
@@ -99,6 +114,11 @@ def move_link_velocity(link: int, T: Trees):
         v = T.V[p]
         a = T.A_w[p]
         b = T.A_v[p]
+    elif T.moves == 1 and hangs_from_base(link, T):
+        twist = base_twist(link, root, T)
+        w = wp.vec3d(twist[0], twist[1], twist[2])
+        v = wp.vec3d(twist[3], twist[4], twist[5])
+        b = -wp.cross(w, T.base_v[link])
     turning = wp.vec3d()
     moving = wp.vec3d()
     for k in range(t.first_dof[link], t.first_dof[link + 1]):
@@ -127,7 +147,7 @@ def move_tree_velocities(g: int, T: Trees):
     t = T.t
     for level in range(t.first_level[g], t.first_level[g + 1]):
         for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
-            move_link_velocity(t.by_level[slot], T)
+            move_link_velocity(t.by_level[slot], t.first_link[g], T)
         tree_barrier()
 
 

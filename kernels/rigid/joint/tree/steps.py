@@ -23,7 +23,6 @@ import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.steps import rounded_like
 from wsim.kernels.rigid.joint.tree.actuator_forces import (
     actuator_stiffness,
     add_actuator_forces,
@@ -57,9 +56,11 @@ from wsim.kernels.rigid.joint.tree.mass_matrix import (
     tree_dofs,
 )
 from wsim.kernels.rigid.joint.tree.newton_euler import bounded_decay, link_inertial_wrench, sum_tree_wrenches
-from wsim.kernels.rigid.joint.tree.stages import advance_stage, copy_tree_state, mean_tree_rates, tangent_rates
+from wsim.kernels.rigid.joint.tree.substep.bases import kick_tree, place_tree_base
+from wsim.kernels.rigid.joint.tree.substep.bodies import tree_writing_func
+from wsim.kernels.rigid.joint.tree.substep.stages import advance_stage, copy_tree_state, mean_tree_rates, tangent_rates
 from wsim.kernels.rigid.joint.tree.tables import Trees
-from wsim.kernels.rigid.motion import body_structs, double_quat, double_vec3, rounded_quaternion
+from wsim.kernels.rigid.motion import body_structs, double_vec3
 
 LONG = wp.constant(wp.float64(1.0))        # (h omega)^2 of one step: unstable from 8 on; at 1 it damps 0.7 % of that mode
 MOST = wp.constant(64)                     # parts of a substep
@@ -69,15 +70,18 @@ GAMMA = wp.constant(wp.float64(1.0 - 0.5**0.5))
 
 
 @cache
-def tree_step_functions(real):
-    """Functions of a tree: evaluate (terms of its equation of motion), step, write (its bodies)."""
-    Bodies, Moving = body_structs(real)
+def tree_step_functions(real, moving: bool = False):
+    """Functions of a tree: evaluate (terms of its equation of motion), step, write (its bodies). moving: what some hang from
+    moves (bases.py)."""
+    Bodies, _ = body_structs(real)
 
     @standalone_function
     @wp.func
     def evaluate_tree(g: int, k: int, part: wp.float64, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """tau = forces - C and H at q, qd, which are at a part of substep k of h [s]."""
         t = T.t
+        if wp.static(moving):
+            place_tree_base(g, k, part, h, T, J)
         place_tree(g, T)
         move_tree_velocities(g, T)
         root = t.first_link[g]
@@ -105,6 +109,8 @@ def tree_step_functions(real):
     @wp.func
     def begin_tree(g: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """A frame begins: which steps the drives of a tree allow, and what those of accelerations move."""
+        if wp.static(moving):
+            place_tree_base(g, 0, wp.float64(0.0), h, T, J)
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         factor_tree_matrix(g, T)
@@ -234,6 +240,8 @@ def tree_step_functions(real):
     @wp.func
     def predict_tree(g: int, k: int, scheme: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """One step of a scheme from q, qd, without limits; `rates` is the mean rate of the coordinates."""
+        if wp.static(moving):
+            kick_tree(g, k, h, T, J)
         if scheme == RK4:
             predict_by_stages(g, k, h, b, T, J)
         elif scheme == ROS2:
@@ -255,6 +263,8 @@ def tree_step_functions(real):
                 T.qd[d] = T.rates[d]
             tree_barrier()
             copy_tree_state(g, T.q_before, T.qd, T.q, T.qd, T)
+            if wp.static(moving):
+                place_tree_base(g, k, wp.float64(0.0), h, T, J)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             add_drive_inertia(g, k, h, T, J)
@@ -266,6 +276,8 @@ def tree_step_functions(real):
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.qd[d] + T.gains[d]
             tree_barrier()
+            if wp.static(moving):
+                place_tree_base(g, k, wp.float64(1.0), h, T, J)
             close_tree_loops(g, T)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
@@ -275,22 +287,5 @@ def tree_step_functions(real):
         else:
             close_tree_loops(g, T)
 
-    @standalone_function
-    @wp.func
-    def write_tree(g: int, T: Trees, out: Moving):
-        """Places and momenta of the bodies of a tree, whose links and joints are placed."""
-        t = T.t
-        move_tree_velocities(g, T)
-        root = t.first_link[g]
-        for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
-            i = t.body[link]
-            x = T.X[link] - t.start[link]
-            out.x[i] = rounded_like(x, out.x[i])
-            out.e[i] = rounded_like(x - double_vec3(out.x[i]), out.x[i])
-            out.q[i] = rounded_quaternion(T.Q[link], out.q[i])
-            out.o[i] = rounded_quaternion(T.Q[link] - double_quat(out.q[i], wp.quatd()), out.q[i])
-            out.p[i] = rounded_like(t.mass[link] * (T.V[link] + wp.cross(T.W[link], T.X[link] - T.X[root])), out.p[i])
-            out.L[i] = rounded_like(link_inertia_world(link, T) * T.W[link], out.L[i])
-        tree_barrier()
-
-    return SimpleNamespace(evaluate=evaluate_tree, begin=begin_tree, step=step_tree, write=write_tree, predict=predict_tree)
+    return SimpleNamespace(evaluate=evaluate_tree, begin=begin_tree, step=step_tree, write=tree_writing_func(real),
+                           predict=predict_tree)

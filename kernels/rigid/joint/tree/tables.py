@@ -146,6 +146,10 @@ def tree_structs():
         swing: wp.array(dtype=mat66d)                # of links: Z^T Z, spatial velocity by a wrench at O
         left: wp.array(dtype=wp.float64)             # of trees: what the last sweep over limits changed, at most in a frame
         scheme: int                                  # of all trees, as `integrator`; -1: by the stiffness of their drives
+        moves: int                                   # 1: some links hang from what moves (bases.py)
+        hang: wp.array(dtype=wp.vec3d)               # of links: where the start of their anchor stands
+        base_v: wp.array(dtype=wp.vec3d)             # of links that hang from what moves: its velocity, and spin
+        base_w: wp.array(dtype=wp.vec3d)
         integrator: wp.array(dtype=int)              # of trees: how they step (steps.py)
 
     return TreeTable, Trees

@@ -1,6 +1,6 @@
 """Contact points of rigid bodies with the forces of the last substep: what its impulses give over its length,
 
-    F_n = push / h,   F_t = rub / h                     kernels/rigid/soft_step.py, kernels/rigid/joint/tree/contacts.py
+    F_n = push / h,   F_t = rub / h                     kernels/rigid/soft_step.py, kernels/rigid/joint/tree/contact/contacts.py
 
 Places and gaps are those behind the substep. Of a point that touches nothing and was not pushed there is no row. Blows that
 throw bodies back (restitution) are impulses of their own and no part of it. NumPy only.

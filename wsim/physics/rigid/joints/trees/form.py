@@ -1,4 +1,4 @@
-"""How substeps of touching trees are launched (kernels/rigid/joint/tree/touching.py).
+"""How substeps of touching trees are launched (kernels/rigid/joint/tree/contact/touching.py).
 
 A world has one team of threads, which takes manifolds as they are listed. On a GPU that is a warp; where there is one world
 with more trees, its teams are the warps of a block, or of a cluster of blocks, and they take manifolds by their colours.
@@ -7,8 +7,8 @@ with more trees, its teams are the warps of a block, or of a cluster of blocks, 
 import warp as wp
 
 from wsim.kernels.math import block
+from wsim.kernels.rigid.joint.tree.contact.touching import touching_tree_kernel
 from wsim.kernels.rigid.joint.tree.lanes import LANES, tree_barrier
-from wsim.kernels.rigid.joint.tree.touching import touching_tree_kernel
 from wsim.physics.rigid import forms
 
 
@@ -43,8 +43,9 @@ class TreeContactForm(forms.ContactPassForm):
             own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS * self.wide)
             self.kernels["colours"] = contact_colour_kernel(model.real, own, meet, **sizes)
         block_size = min(forms.THREADS, self.threads)
-        module = model.shared_module("rigid_touching_trees", self.blocks, self.coloured, threads=block_size)
-        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, **sizes)
+        moves = bool(self.trees.trees.moves)
+        module = model.shared_module("rigid_touching_trees", self.blocks, self.coloured, moves, threads=block_size)
+        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, moves, **sizes)
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         rig.work.strayed.zero_()

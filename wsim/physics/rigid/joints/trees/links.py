@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
+from wsim.physics.rigid.joints.trees.bases import unsupported_base
 from wsim.physics.rigid.joints.trees.loops import LoopRows, closing_joint, mimic_rows, spanning_joints
 
 ORDER = ("rotY", "rotZ", "rotX")                    # hinges, outermost first: swing, then twist
@@ -29,8 +30,6 @@ def unsupported_joint(joint: Joint) -> str:
         return "it limits a distance"
     if min(joint.force, joint.torque) < inf:
         return "it may break"
-    if joint.motion.moves:
-        return "what it hangs from moves"
     if hinges == ["rotY", "rotZ"]:
         return "two swings without a twist"
     if joint.cone is not None and not ball:
@@ -153,6 +152,8 @@ def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: lis
               acted: frozenset[str]) -> str:
     """Adds the links and loops of an island; returns why it has no reduced coordinates."""
     kept, cut = spanning_joints(joints, pairs, own, acted)
+    if why := unsupported_base(joints, pairs, own, cut):
+        return why
     for j in cut:
         if why := closing_joint(joints[j], acted):
             return f"{joints[j].path}: it closes a loop, and all joints of that have {why} or the like"

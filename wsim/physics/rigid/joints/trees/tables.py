@@ -14,6 +14,7 @@ from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.joint import AXES, PASSIVE
 from wsim.physics.rigid.joints.tables import DeviceJoints
+from wsim.physics.rigid.joints.trees.bases import base_tables
 from wsim.physics.rigid.joints.trees.links import FITS, tree_links
 from wsim.physics.rigid.joints.trees.loop_tables import loop_tables, tree_loop_frames
 from wsim.physics.rigid.joints.trees.loops import MIMIC, loop_gaps, start_violations
@@ -42,7 +43,7 @@ class DeviceTrees(DeviceJoints):
                                 touching, frozenset(a.joint for a in b.scene.things("Actuator")))
         if found is None:
             raise ValueError(why)
-        self.links = found
+        self.links, self.time = found, 0.0
         self._make_tree_parts(b)
         self._make_tree_tables()
         self.q.assign(np.tile(self._start_coordinates(), self.model.worlds))
@@ -89,7 +90,9 @@ class DeviceTrees(DeviceJoints):
                         moments=up(np.tile([m.moments for m in masses], (worlds, 1)), wp.vec3d),
                         axis=up(np.tile(np.reshape(links.axis, (-1, 3)), (worlds, 1)), wp.vec3d),
                         **{name: up(np.tile(self._dof_values(name), worlds), wp.float64) for name in PASSIVE})
-        more = {"first_column": up(of_worlds("first_column"), int)} | self._contact_tables(of_worlds)
+        bases, parts = base_tables(self)
+        self.tree_parts += parts
+        more = bases | {"first_column": up(of_worlds("first_column"), int)} | self._contact_tables(of_worlds)
         loops = loop_tables(self, sizes)
         self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, loops=loops(), **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
@@ -99,8 +102,8 @@ class DeviceTrees(DeviceJoints):
 
     def world_frame(self, j: int, swapped: bool, root: int) -> tuple[np.ndarray, np.ndarray]:
         """Frame of a joint on what does not move by forces, from where a tree's first link began. swapped: on side 1."""
-        M, joint = self.joints[j].motion.at(0.0), self.joints[j]
-        at = self.anchor[j] - self.method.origin[self.links.body[root]]
+        M, joint = self.joints[j].motion.at(self.time), self.joints[j]
+        at = M[:3, :3] @ (joint.at1 if swapped else joint.at0) + M[:3, 3] - self.method.origin[self.links.body[root]]
         return at, rotation.quat_product(rotation.matrix_quat(M[:3, :3]), joint.turn1 if swapped else joint.turn0)
 
     def _dof_values(self, name: str) -> np.ndarray:
@@ -147,7 +150,7 @@ class DeviceTrees(DeviceJoints):
                 "scheme": SCHEMES.get(self.model.scene.integrator, -1),
                 "integrator": wp.zeros(islands, dtype=int, device=self.device)}
 
-    def _root_of(self) -> np.ndarray:
+    def root_of(self) -> np.ndarray:
         """Link that is the root of each link's tree."""
         first = np.array(self.links.first_link)
         return first[np.searchsorted(first, np.arange(len(self.links.body)), side="right") - 1]
@@ -155,11 +158,11 @@ class DeviceTrees(DeviceJoints):
     def _link_starts(self) -> np.ndarray:
         """Centres of mass (links, 3) [m] at the start, from that of the tree's first link."""
         places = self.method.origin[self.links.body].reshape(-1, 3)
-        return places - places[self._root_of()] if len(places) else places
+        return places - places[self.root_of()] if len(places) else places
 
     def _link_frames(self) -> dict[str, np.ndarray]:
         """Frames of the joints of links on the parent, a, and on the child, b; of a root those of the world."""
-        links, one, roots = self.links, np.array([0.0, 0.0, 0.0, 1.0]), self._root_of()
+        links, one, roots = self.links, np.array([0.0, 0.0, 0.0, 1.0]), self.root_of()
         sides = self.side_frames(self.method.masses)
         rows = []
         for link, (j, swapped) in enumerate(zip(links.joint, links.swapped, strict=True)):
@@ -192,8 +195,8 @@ class DeviceTrees(DeviceJoints):
                             "author poses that agree with the mimics")
         return q
 
-    def _tree_module(self, name: str) -> str:
-        return self.model.shared_module(name, threads=LANES if self.device.is_cuda else 0)
+    def _tree_module(self, name: str, *of) -> str:
+        return self.model.shared_module(name, *of, threads=LANES if self.device.is_cuda else 0)
 
     def launch_trees(self, kernel, inputs: list, outputs: list) -> None:
         """Launches the lanes of every tree: a warp each on a GPU, a thread on a CPU."""
@@ -206,16 +209,17 @@ class DeviceTrees(DeviceJoints):
         """Kernel of trees whose bodies touch nothing."""
         from wsim.kernels.rigid.joint.tree.alone import tree_substep_kernel
         self.settle = self.method.sleep.alone() if self.method.sleep else None
-        module = self._tree_module("rigid_trees")
-        return tree_substep_kernel(self.model.real, module)
+        moves = bool(self.trees.moves)
+        return tree_substep_kernel(self.model.real, self._tree_module("rigid_trees", moves), moves)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         super().before_frame(time, clock)
         if self.lost:
+            self.time = time
             moved = self.method.get("x") + self.method.get("e")
             self.q.assign(np.concatenate([self._start_coordinates(w, moved) for w in range(self.model.worlds)]))
         if self.stale:
-            self.launch_trees(self.project, [self.method.moving()], [self.trees])
+            self.launch_trees(self.project, [self.method.moving(), self.linked], [self.trees])
             self.stale = self.lost = False
 
     def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
@@ -226,7 +230,7 @@ class DeviceTrees(DeviceJoints):
         """The root of each body's tree."""
         per, found = len(self.method.bodies) // self.model.worlds, rows.astype(np.int32)
         for world in range(self.model.worlds):
-            found[np.array(self.links.body, int) + per * world] = np.array(self.links.body)[self._root_of()] + per * world
+            found[np.array(self.links.body, int) + per * world] = np.array(self.links.body)[self.root_of()] + per * world
         return found
 
     def contact_form(self) -> Any:
@@ -256,7 +260,8 @@ class DeviceTrees(DeviceJoints):
         """Accelerations qdd (dofs of all worlds,) [m/s^2], [rad/s^2] at the coordinates and velocities now, without limits and
         dry friction."""
         from wsim.kernels.rigid.joint.tree.alone import tree_acceleration_kernel
-        kernel = tree_acceleration_kernel(self.model.real, self._tree_module("tree_accelerations"))
+        moves = bool(self.trees.moves)
+        kernel = tree_acceleration_kernel(self.model.real, self._tree_module("tree_accelerations", moves), moves)
         self.launch_trees(kernel, [h, self.method.table, self.linked], [self.trees])
         return self.trees.tau.numpy()[:len(self.qd)]
 

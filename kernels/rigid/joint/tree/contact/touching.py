@@ -18,7 +18,7 @@ from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.contact import manifold_count_func, rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tree.actuator_forces import add_actuator_inertia, note_actuator_work
-from wsim.kernels.rigid.joint.tree.contacts import link_contact_functions
+from wsim.kernels.rigid.joint.tree.contact.contacts import link_contact_functions
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia, note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
@@ -27,8 +27,9 @@ from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
 from wsim.kernels.rigid.joint.tree.loops.steps import close_tree_loops
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps, solve_link_responses
-from wsim.kernels.rigid.joint.tree.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.steps import IMPLICIT, ROS2, tree_step_functions
+from wsim.kernels.rigid.joint.tree.substep.bases import place_tree_base
+from wsim.kernels.rigid.joint.tree.substep.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.kinds import SERIAL
 from wsim.kernels.rigid.lists.pairs import body_straying_func
@@ -79,9 +80,9 @@ def world_team_func(real):
     return world_team
 
 
-def tree_part_functions(real, meet):
+def tree_part_functions(real, meet, moving: bool):
     """Parts of a substep of one tree, or of all of a team."""
-    Rig, f, contact = rig_type(real), tree_step_functions(real), link_contact_functions(real)
+    Rig, f, contact = rig_type(real), tree_step_functions(real, moving), link_contact_functions(real, moving)
     advance, mark, prepare = f.predict, contact.mark, contact.prepare
     (orient, _, _, _), stray = body_steps(real), body_straying_func(real)
 
@@ -89,6 +90,8 @@ def tree_part_functions(real, meet):
     @wp.func
     def ready_tree(g: int, k: int, h: real, rig: Rig, J: Linked, T: Trees):
         """Places a tree at its coordinates, with the factors of H and limits; its bodies are turned as it is."""
+        if wp.static(moving):
+            place_tree_base(g, k, wp.float64(0.0), wp.float64(h), T, J)
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         if T.integrator[g] == ROS2 or T.integrator[g] == IMPLICIT:
@@ -132,8 +135,10 @@ def tree_part_functions(real, meet):
 
     @standalone_function
     @wp.func
-    def move_tree(g: int, h: wp.float64, T: Trees, P: Trees):
+    def move_tree(g: int, k: int, h: wp.float64, J: Linked, T: Trees, P: Trees):
         close_tree_sweeps(g, T)
+        if wp.static(moving):
+            place_tree_base(g, k, wp.float64(1.0), h, T, J)
         copy_tree_state(g, T.q, T.qd, T.q_before, T.qd_before, T)
         move_tree_coordinates(g, h, T.qd, T.q_before, T)
         dofs = tree_dofs(g, T)
@@ -155,9 +160,9 @@ def tree_part_functions(real, meet):
     return SimpleNamespace(ready=ready_tree, contacts=ready_contacts, predict=predict_tree, move=move_tree, place=place_bodies)
 
 
-def tree_sweep_functions(real, meet, coloured: bool):
+def tree_sweep_functions(real, meet, coloured: bool, moving: bool):
     """(warm, sweep): functions of a team; coloured: manifolds by their colours."""
-    Rig, contact = rig_type(real), link_contact_functions(real)
+    Rig, contact = rig_type(real), link_contact_functions(real, moving)
     warm, solve = contact.warm, contact.solve
 
     @wp.func
@@ -199,15 +204,15 @@ def tree_sweep_functions(real, meet, coloured: bool):
     return walk_manifolds, sweep_world
 
 
-def touching_tree_kernel(real, module, meet, coloured: bool, threads: int = 0, cluster: int = 0):
+def touching_tree_kernel(real, module, meet, coloured: bool, moving: bool = False, threads: int = 0, cluster: int = 0):
     """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], over so many teams of worlds, with steps[2] sweeps.
-    Manifolds are those of steps[0]. P: scratch of the prediction. meet: the barrier of a world's teams; threads, cluster: of a
-    block, and blocks of a cluster, on CUDA."""
-    Rig, f, world_team = rig_type(real), tree_step_functions(real), world_team_func(real)
-    parts = tree_part_functions(real, meet)
+    Manifolds are those of steps[0]. P: scratch of the prediction. meet: the barrier of a world's teams; moving: what some trees
+    hang from moves; threads, cluster: of a block, and blocks of a cluster, on CUDA."""
+    Rig, f, world_team = rig_type(real), tree_step_functions(real, moving), world_team_func(real)
+    parts = tree_part_functions(real, meet, moving)
     begin, write, ready, contacts, predict, move, place = (f.begin, f.write, parts.ready, parts.contacts, parts.predict,
                                                            parts.move, parts.place)
-    walk, sweep = tree_sweep_functions(real, meet, coloured)
+    walk, sweep = tree_sweep_functions(real, meet, coloured, moving)
     turn = body_steps(real)[1]
 
     @standalone_function
@@ -234,7 +239,7 @@ def touching_tree_kernel(real, module, meet, coloured: bool, threads: int = 0, c
             for _sweep in range(steps[2]):
                 sweep(team, k, h, 1, rig, J, T)
             for g in range(team.tree + team.number, team.last_tree, team.of):
-                move(g, d, T, P)
+                move(g, k, d, J, T, P)
                 ready(g, k + 1, h, rig, J, T)
                 write(g, T, rig.now)
                 open_tree_sweeps(g, T)
