@@ -36,8 +36,8 @@ def symmetric_part(D: wp.mat44d):
 
 
 @cache
-def point_elimination_func(pressed: bool):
-    """Function (T, w, i, k): the window moved on by a point, whose factors are stored."""
+def point_elimination_func(kept: bool):
+    """Function (T, w, i, k): the window moved on by a point, whose factors are stored. kept: with T.pivot and T.b."""
     @wp.func
     def eliminate_point_block(T: RodTrial, w: EliminationWindow, i: int, k: int):
         L1 = wp.mat44d()
@@ -51,7 +51,7 @@ def point_elimination_func(pressed: bool):
             T.near[i, k] = L1
             T.far[i, k] = L2
             T.z[i, k] = y
-            if wp.static(pressed):
+            if wp.static(kept):
                 T.pivot[i, k] = D
                 T.b[i, k] = w.r0
         Pt = wp.transpose(w.P)

@@ -108,5 +108,8 @@ def strand_force_kernel(airy: bool, module: str):
                     f_out[i - 1, k] = f_out[i - 1, k] + a
                     f_out[i, k] = f_out[i, k] - a + b
                     f_out[i + 1, k] = f_out[i + 1, k] - b
+        if S.own:
+            for j in range(S.points[k] - S.own[k]):      # copies of the first points
+                f_out[j, k] = f_out[j, k] + f_out[S.own[k] + j, k]
 
     return force_strands

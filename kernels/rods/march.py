@@ -15,8 +15,9 @@ from wsim.kernels.rods.contact import MET, NEW, OLD, Colliders, RodTouch, forget
 from wsim.kernels.rods.element import director_twist_angle, orthogonal_director, rotated_director, transport_director
 from wsim.kernels.rods.eliminate import substitute_strand_backward
 from wsim.kernels.rods.forces import multistep_memory
+from wsim.kernels.rods.seam import close_seam, copy_ring_start, factor_seam
 from wsim.kernels.rods.system import apply_strand_corrections, strand_assembly_func
-from wsim.kernels.rods.tables import RodMotion, RodPins, RodStep, RodTable, RodTrial
+from wsim.kernels.rods.tables import RodMotion, RodPins, RodStep, RodTable, RodTrial, is_own_point
 
 TOLERANCE = wp.constant(wp.float64(1e-6))    # last correction over the shortest edge; 1e-8 took twice the time
 MOST = wp.constant(50)                       # iterations; what is left then is told (wsim/physics/rods/method.py)
@@ -111,7 +112,7 @@ def finish_point(kinds: tuple[str, ...]):
             t = RodTouch()
             if T.hit:
                 forget_contact_force(T, i, k)
-            if S.hold[i, k] < 0:
+            if S.hold[i, k] < 0 and is_own_point(S, i, k):
                 t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
             Q.stick[i, k] = t.s
             Q.load[i, k] = t.N
@@ -164,10 +165,11 @@ def strand_finish_func(kinds: tuple[str, ...]):
 
 
 @cache
-def strand_march_kernel(kinds: tuple[str, ...], airy: bool, module: str):
+def strand_march_kernel(kinds: tuple[str, ...], airy: bool, module: str, closed: bool = False):
     """Kernel over strands. said: (strands, 3): most iterations of a substep; greatest last correction over the shortest edge's
-    length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none. airy: with air."""
-    assemble, end = strand_assembly_func(kinds, airy), strand_finish_func(kinds)
+    length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none.
+    airy: with air. closed: some strands are."""
+    assemble, end = strand_assembly_func(kinds, airy, closed=closed), strand_finish_func(kinds)
 
     @wp.kernel(enable_backward=False, module=module)
     def march_strands(S: RodTable, H: RodPins, C: Colliders, Q: RodMotion, T: RodTrial, h: wp.float64, substeps: int,
@@ -192,6 +194,10 @@ def strand_march_kernel(kinds: tuple[str, ...], airy: bool, module: str):
             while count < MOST and off > TOLERANCE * short:
                 assemble(S, C, Q, T, p, k)
                 z = substitute_strand_backward(S, T, k)
+                if wp.static(closed):
+                    if S.own[k] < S.points[k]:
+                        factor_seam(S, T, k)
+                        _, z = close_seam(S, T, k)
                 off = z
                 if T.hit:
                     off = wp.max(z, T.drawn[k])
@@ -201,6 +207,8 @@ def strand_march_kernel(kinds: tuple[str, ...], airy: bool, module: str):
                 before = z
                 count += 1
             deep = wp.max(deep, end(S, C, Q, T, p, k))
+            if wp.static(closed):
+                copy_ring_start(S, Q, k)
             most = wp.max(most, count)
             left = wp.max(left, off / short)
         said[k, 0] = wp.float64(most)

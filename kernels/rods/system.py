@@ -30,7 +30,7 @@ from wsim.kernels.rods.forces import (
     multistep_memory,
     spin_stiffness_with_gain,
 )
-from wsim.kernels.rods.tables import RodMotion, RodStep, RodTable, RodTrial
+from wsim.kernels.rods.tables import RodMotion, RodStep, RodTable, RodTrial, is_own_point
 
 _bend = rod_strain_functions()
 Bend, strains = _bend.Bend, _bend.strains
@@ -182,7 +182,7 @@ def point_block_func(kinds: tuple[str, ...], airy: bool, pressed: bool):
                                       * (rate * (wp.float64(1.0) + multistep_memory(Q, i, k)) / p.h))
         if wp.static(meets):
             if i < S.points[k]:
-                if S.hold[i, k] < 0:
+                if S.hold[i, k] < 0 and is_own_point(S, i, k):
                     t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
                     r = r + point_angle_vector(t.f, wp.float64(0.0))
                     D = add_stiffness(D, t.K)
@@ -201,11 +201,11 @@ def point_block_func(kinds: tuple[str, ...], airy: bool, pressed: bool):
 
 
 @cache
-def strand_assembly_func(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
+def strand_assembly_func(kinds: tuple[str, ...], airy: bool, pressed: bool = False, closed: bool = False):
     """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
     is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
-    left for more right-hand sides."""
-    eliminate, point = point_elimination_func(pressed), point_block_func(kinds, airy, pressed)
+    left for more right-hand sides, as where strands are closed."""
+    eliminate, point = point_elimination_func(pressed or closed), point_block_func(kinds, airy, pressed)
     meets = bool(kinds)
     clear, touch = (inside_edge_functions(kinds).clear, inside_edge_functions(kinds).touch) if meets else (None, None)
 
@@ -224,7 +224,8 @@ def strand_assembly_func(kinds: tuple[str, ...], airy: bool, pressed: bool = Fal
             if i >= 0 and i + 1 < n:
                 w = add_edge_tension(S, T, w, t0, l0, edge_tension(S, Q, T, p, t0, l0, i, k), i, k)
                 if wp.static(meets):
-                    if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
+                    held = S.hold[i, k] >= 0 and S.hold[i + 1, k] >= 0
+                    if not held and is_own_point(S, i, k) and not clear(C, S, T, p.at, i, k):
                         w = add_edge_contact(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
                 if wp.static(airy):
                     f, K = air_force_on_edge(S, Q, T, p, i, k)

@@ -10,6 +10,7 @@ class RodTable:
     """Constants of strands. An edge has the number of its first point; the last point has none."""
 
     points: wp.array(dtype=int)                     # of each strand
+    own: wp.array(dtype=int)                        # those but copies (seam.py); only where a strand is closed
     length: wp.array2d(dtype=wp.float64)            # rest length of an edge [m]
     A: wp.array2d(dtype=wp.float64)                 # stretching stiffness of an edge over its length [N/m]
     B: wp.array2d(dtype=wp.float64)                 # bending stiffness at a point over the length it stands for [N m]
@@ -30,6 +31,23 @@ class RodTable:
     tau: wp.array(dtype=wp.float64)                 # relaxation time of a strand's elastic forces [s]; only where some have one
     load_row: wp.array2d(dtype=int)                 # of a point in `load_force`, -1: no load; both only where there are loads
     load_force: wp.array2d(dtype=wp.vec3d)          # forces of loads on points [N], where substeps end, (substeps, rows)
+
+
+@wp.func
+def is_own_point(S: RodTable, i: int, k: int):
+    """True if a point is no copy of another."""
+    if S.own:
+        return i < S.own[k]
+    return True
+
+
+@wp.func
+def contact_mass(S: RodTable, i: int, k: int):
+    """Mass [kg] that contacts of a point go by: of a copy that of the point itself, to the part that the copy has of it."""
+    if S.own:
+        if i >= S.own[k]:
+            return S.m[i - S.own[k], k]
+    return S.m[i, k]
 
 
 @wp.struct
@@ -84,8 +102,10 @@ class RodTrial:
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it
     z: wp.array2d(dtype=wp.vec4d)                   # right-hand side, then correction
-    pivot: wp.array2d(dtype=wp.mat44d)              # inverse of the diagonal's; this and below only where strands meet strands
-    b: wp.array2d(dtype=wp.vec4d)                   # right-hand side
+    seam: wp.array2d(dtype=wp.mat44d)               # of closed strands (seam.py), (strands, 3); this and one more only of these
+    slack: wp.array2d(dtype=wp.vec4d)               # what forces of the seam move
+    pivot: wp.array2d(dtype=wp.mat44d)              # inverse of the diagonal's; this and b only of such as are closed,
+    b: wp.array2d(dtype=wp.vec4d)                   # or meet others: right-hand side; below only of these
     press: wp.array2d(dtype=wp.vec3d)               # force of other edges on a point [N]
     stiff: wp.array2d(dtype=wp.mat33d)              # its stiffness [N/m]
     along: wp.array2d(dtype=wp.mat33d)              # and that towards the next point

@@ -188,10 +188,10 @@ def test_widths_of_a_rope_without_thicknesses_are_said_to_be_only_seen(read):
         assert "only seen" not in notes(read(other))
 
 
-def test_a_closed_curve_is_said_to_be_springs_and_why(read):
-    said = notes(read(ROPE.replace("uniform token type", 'uniform token wrap = "periodic"\n    uniform token type')))
-    assert ("/rope: is simulated as springs along its segments, without bending, twist and wsim:selfCollision: it is no "
-            "BasisCurves with open ends; author wrap = nonperiodic for these") in said
+def test_a_closed_curve_is_a_closed_rod(read):
+    """It was read as springs, without bending and twist."""
+    scene = read(ROPE.replace("uniform token type", 'uniform token wrap = "periodic"\n    uniform token type'))
+    assert "springs" not in notes(scene) and scene.things("Rods")[0].closed
 
 
 # Meshes --------------------------------------------------------------------------------------------------------------

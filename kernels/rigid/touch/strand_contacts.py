@@ -14,7 +14,7 @@ from wsim.kernels.rigid.motion import double_quat, double_vec3, free_rotor_step
 from wsim.kernels.rigid.touch.strands import RodBodies, mean_drag_factor
 from wsim.kernels.rods.contact import FAR, Colliders, strand_touch_functions
 from wsim.kernels.rods.edges.edge_contact_points import EdgePlaces, edge_flank_functions
-from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial
+from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial, contact_mass, is_own_point
 
 AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a place and a body in a substep, within which they count as near
 
@@ -120,7 +120,7 @@ def strand_spot(S: RodTable, Q: RodMotion, T: RodTrial, i: int, k: int, site: in
     s.x = T.x[i, k] * a + T.x[j, k] * u + S.origin[k]
     s.way = (T.x[i, k] - Q.x[i, k]) * a + (T.x[j, k] - Q.x[j, k]) * u
     s.v = Q.v[i, k] * a + Q.v[j, k] * u
-    s.m = S.m[i, k] * a + S.m[j, k] * u
+    s.m = S.m[i, k] * a + contact_mass(S, j, k) * u
     s.radius = S.radius[i, k] * a + S.radius[j, k] * u
     s.A = S.A[wp.max(i - 1, 0), k]
     if site > 0:
@@ -196,7 +196,7 @@ def near_body_kernels(kinds: tuple[str, ...], module: str):
         T.lift[i, k] = wp.vec3d()
         T.firm[i, k] = wp.mat33d()
         T.bridge[i, k] = wp.mat33d()
-        if i < S.points[k]:
+        if i < S.points[k] and is_own_point(S, i, k):
             s = strand_spot(S, Q, T, i, k, 0, wp.float64(0.0))
             way = wp.length(s.way) + s.radius
             if W.tied:

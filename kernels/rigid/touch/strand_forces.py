@@ -33,7 +33,7 @@ from wsim.kernels.rods.contact import (
 from wsim.kernels.rods.contact import soft_normal_force as pressing
 from wsim.kernels.rods.edges.edge_contact_law import depth_beneath_ends
 from wsim.kernels.rods.edges.edge_contact_points import EdgePlace
-from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial
+from wsim.kernels.rods.tables import RodContacts, RodMotion, RodTable, RodTrial, is_own_point
 
 LATE = wp.constant(30)                   # iterations behind which the load of friction is a new one in each of AGAIN alone
 AGAIN = wp.constant(20)
@@ -193,7 +193,7 @@ def body_contact_kernels(kinds: tuple[str, ...], module: str):
             B.deep[p, site] = wp.float64(0.0)
             if count <= LATE or count % AGAIN == 0:
                 B.load[p, site] = wp.float64(0.0)
-        if i < S.points[k] and B.near[W.strand[k]] == 1:
+        if i < S.points[k] and B.near[W.strand[k]] == 1 and is_own_point(S, i, k):
             if W.tied:
                 add_body_tie(S, T, W, B, i, k)
             meet_point(C, S, Q, T, W, B, i, k)

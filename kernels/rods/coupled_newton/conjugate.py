@@ -9,44 +9,59 @@ They are preconditioned by M. Since p = z + beta p with M z = r, M p is summed u
 Worlds end by themselves: at GAIN, or ROUNDS of them.
 """
 
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102
+
 from functools import cache
 
 import warp as wp
 
 from wsim.kernels.rods.coupled_newton.coupled import TURNING, CoupledRods
 from wsim.kernels.rods.eliminate import substitute_strand_backward
+from wsim.kernels.rods.seam import close_seam, free_of_seam
 from wsim.kernels.rods.tables import EdgePairs, RodContacts, RodTable, RodTrial
 
 GAIN = wp.constant(wp.float64(1e-8))     # residual over that of the start, squared, at which conjugate gradients end
 ROUNDS = wp.constant(400)                # of them, at most
 
 
-@wp.func
-def strand_preconditioner(S: RodTable, T: RodTrial, G: CoupledRods, k: int):
-    """T.z = M^-1 r; r . z."""
-    n = S.points[k]
-    t1 = wp.vec4d()
-    t2 = wp.vec4d()
-    for i in range(n):
-        t = G.r[i, k]
-        if i > 0:
-            t = t - wp.transpose(T.near[i - 1, k]) * t1
-        if i > 1:
-            t = t - wp.transpose(T.far[i - 2, k]) * t2
-        T.z[i, k] = T.pivot[i, k] * t
-        t2 = t1
-        t1 = t
-    substitute_strand_backward(S, T, k)
-    total = wp.float64(0.0)
-    for i in range(n):
-        total += wp.dot(G.r[i, k], T.z[i, k])
-    return total
+@cache
+def strand_preconditioner_func(closed: bool):
+    """Function (S, T, G, k): T.z = M^-1 r; r . z. closed: some strands are."""
+
+    @wp.func
+    def strand_preconditioner(S: RodTable, T: RodTrial, G: CoupledRods, k: int):
+        n = S.points[k]
+        t1 = wp.vec4d()
+        t2 = wp.vec4d()
+        for i in range(n):
+            t = G.r[i, k]
+            if i > 0:
+                t = t - wp.transpose(T.near[i - 1, k]) * t1
+            if i > 1:
+                t = t - wp.transpose(T.far[i - 2, k]) * t2
+            T.z[i, k] = T.pivot[i, k] * t
+            t2 = t1
+            t1 = t
+        substitute_strand_backward(S, T, k)
+        if wp.static(closed):
+            if S.own[k] < n:
+                f, _ = close_seam(S, T, k)
+                free_of_seam(S, G.r, f, k)
+        total = wp.float64(0.0)
+        for i in range(n):
+            total += wp.dot(G.r[i, k], T.z[i, k])
+        return total
+
+    return strand_preconditioner
 
 
 @cache
-def conjugate_gradient_kernels(module: str):
+def conjugate_gradient_kernels(module: str, closed: bool = False):
     """Kernels of conjugate gradients: what bodies by themselves give; start; A p; step and residual; next direction; the
-    correction into T.z."""
+    correction into T.z. closed: some strands are."""
+    precondition = strand_preconditioner_func(closed)
+
     @wp.func
     def world_sum(G: CoupledRods, k: int):
         a = wp.float64(0.0)
@@ -63,7 +78,7 @@ def conjugate_gradient_kernels(module: str):
             if S.hold[i, k] < 0:
                 f = B.push[i * G.world.shape[0] + k]
                 G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
-        G.sum[k] = strand_preconditioner(S, T, G, k)
+        G.sum[k] = precondition(S, T, G, k)
         for i in range(S.points[k]):
             G.p[i, k] = T.z[i, k]
             G.w[i, k] = G.r[i, k]
@@ -127,7 +142,7 @@ def conjugate_gradient_kernels(module: str):
         for i in range(S.points[k]):
             G.x[i, k] = G.x[i, k] + G.p[i, k] * a
             G.r[i, k] = G.r[i, k] - G.q[i, k] * a
-        G.sum[k] = strand_preconditioner(S, T, G, k)
+        G.sum[k] = precondition(S, T, G, k)
 
     @wp.kernel(module=module, enable_backward=False)
     def turn_worlds(G: CoupledRods, words: wp.array(dtype=int)):

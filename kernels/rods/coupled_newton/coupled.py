@@ -21,6 +21,7 @@ import warp as wp
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.eliminate import substitute_strand_backward
 from wsim.kernels.rods.march import TOLERANCE
+from wsim.kernels.rods.seam import SeamForces, close_seam, factor_seam, free_of_seam
 from wsim.kernels.rods.system import apply_strand_corrections, strand_assembly_func
 from wsim.kernels.rods.tables import RodContacts, RodMotion, RodStep, RodTable, RodTrial
 
@@ -148,10 +149,10 @@ def judge_world_iteration(G: CoupledRods, B: RodContacts, sums: wp.vec3d, k: int
 
 
 @cache
-def coupled_newton_kernels(kinds: tuple[str, ...], airy: bool, module: str):
+def coupled_newton_kernels(kinds: tuple[str, ...], airy: bool, module: str, closed: bool = False):
     """Kernels over strands: assemble; measure corrections; judge them (over worlds); take them. kinds: of colliders. airy: with
-    air."""
-    assemble = strand_assembly_func(kinds, airy, True)
+    air. closed: some strands are."""
+    assemble = strand_assembly_func(kinds, airy, True, closed)
 
     @wp.kernel(module=module, enable_backward=False)
     def assemble_strands(S: RodTable, C: Colliders, Q: RodMotion, T: RodTrial, G: CoupledRods, h: wp.float64, at: int):
@@ -163,6 +164,11 @@ def coupled_newton_kernels(kinds: tuple[str, ...], airy: bool, module: str):
         p.at = at
         assemble(S, C, Q, T, p, k)
         substitute_strand_backward(S, T, k)
+        f = SeamForces()
+        if wp.static(closed):
+            if S.own[k] < S.points[k]:
+                factor_seam(S, T, k)
+                f, _ = close_seam(S, T, k)
         total = wp.float64(0.0)
         ahead = wp.float64(0.0)
         t1 = wp.vec4d()
@@ -184,6 +190,10 @@ def coupled_newton_kernels(kinds: tuple[str, ...], airy: bool, module: str):
             G.force[i, k] = r
             total += wp.dot(r, z)
             ahead += wp.dot(r, G.last[i, k])
+        if wp.static(closed):
+            if S.own[k] < S.points[k]:
+                free_of_seam(S, G.r, f, k)
+                free_of_seam(S, G.w, f, k)
         G.sum[k] = total
         G.ahead[k] = ahead
 

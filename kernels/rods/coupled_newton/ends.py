@@ -10,7 +10,8 @@ from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.coupled_newton.coupled import ACTIVE, FIRST, GOING, CoupledRods
 from wsim.kernels.rods.element import orthogonal_director, transport_director
 from wsim.kernels.rods.march import begin_point, finish_point
-from wsim.kernels.rods.tables import EdgePairs, RodMotion, RodPins, RodStep, RodTable, RodTrial
+from wsim.kernels.rods.seam import copy_ring_point
+from wsim.kernels.rods.tables import EdgePairs, RodMotion, RodPins, RodStep, RodTable, RodTrial, is_own_point
 
 
 @wp.func
@@ -112,6 +113,8 @@ def coupled_end_kernels(kinds: tuple[str, ...], module: str):
         if wp.tid() == 0:
             words[FIRST] = 0
         if i < S.points[k]:
-            Q.begun[i, k] = 1 - G.touched[G.world[k]]
+            if not is_own_point(S, i, k):
+                copy_ring_point(Q, i, i - S.own[k], k)
+            Q.begun[i, k] = 1 - G.touched[G.world[k]]    # last: those that are copied write their own now
 
     return settle_edges, settle_points, end_points_touching, remember_points

@@ -24,7 +24,7 @@ from wsim.kernels.rods.contact import (
     strand_collider_friction,
 )
 from wsim.kernels.rods.edges.edge_contact_points import EdgePlace
-from wsim.kernels.rods.tables import RodMotion, RodTable, RodTrial
+from wsim.kernels.rods.tables import RodMotion, RodTable, RodTrial, contact_mass
 
 
 @wp.struct
@@ -147,7 +147,7 @@ class FacedEdge:
 @wp.func
 def edge_contact_stiffness(S: RodTable, hh: wp.float64, y: wp.float64, i: int, k: int):
     """k of kernels/rods/contact.py at a place of an edge [N/m]."""
-    return wp.max(STIFF * interpolate_on_edge(y, S.m[i, k], S.m[i + 1, k]) / hh, FIRM * S.A[i, k])
+    return wp.max(STIFF * interpolate_on_edge(y, S.m[i, k], contact_mass(S, i + 1, k)) / hh, FIRM * S.A[i, k])
 
 
 @wp.func
@@ -209,7 +209,8 @@ def end_edge_site(C: Colliders, S: RodTable, Q: RodMotion, T: RodTrial, found: E
     if N > zero:
         found = add_rolling_stiffness(found, n, T.x[i + 1, k] - T.x[i, k], y, N, to.slope)
         v = interpolate_on_edge(y, Q.v[i, k], Q.v[i + 1, k])
-        N = friction_load_bound(before, interpolate_on_edge(y, S.m[i, k], S.m[i + 1, k]), v, S.gravity[k], n, N + to.more, E.hh)
+        m = interpolate_on_edge(y, S.m[i, k], contact_mass(S, i + 1, k))
+        N = friction_load_bound(before, m, v, S.gravity[k], n, N + to.more, E.hh)
         t = add_bristle_friction(t, n, s, N, stiff, strand_collider_friction(C, S, to.side.c, k), lean)
     T.bristle[row, k] = t.s
     T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero) + to.more, wp.where(to.N > zero, to.side.deep, zero))

@@ -39,7 +39,7 @@ CLING = tuple(field for key, site in (("", "a point"), ("1", "the first place wi
                             StateField(f"bears{key}", "N", True, f"normal force of a rigid body on {site}", "double")))
 TIED = (StateField("tie", "N", True, "force of the rigid body that a point is tied to", "vec3d"),)
 FULL = "rods on bodies"                # status word
-ROOM = 3                               # of contacts of a point and the edge behind it, at first
+ROOM, WIDE, ENTRIES = 3, 16, 1 << 14   # contacts of a point and its edge, at first: of few points WIDE, ENTRIES in all
 
 
 def body_module_suffix(scene, real) -> str:
@@ -75,7 +75,7 @@ class StrandBodyContacts:
             put_ties(self, rigid, s)
             self.gap = self.ground.upload(np.zeros(self.ground.points), wp.float64)
             self.keeping = strand_ties.tie_end_kernel(module)
-        self.depth = ROOM
+        self.depth = max(ROOM, min(WIDE, ENTRIES // self.ground.points))
         self.room()
 
     def _tables(self, owners: list, places: np.ndarray, s) -> None:
@@ -257,7 +257,7 @@ def put_ties(contacts: Any, rigid: Any, strands: Any) -> None:
             local = rotation.quat_rotate(rotation.quat_conjugate(m.axes), tie_places(tie, rods, body) - m.center)
             tied[place[tie.points]], at[place[tie.points]] = k, local
             for point in tie.points.tolist():
-                for side, found in enumerate(strand_neighbours(rods.counts, point)):
+                for side, found in enumerate(strand_neighbours(rods.counts, point, rods.closed)):
                     for row in place[found]:
                         own = passes[row, 2 * side:2 * side + 2]
                         if k not in own:

@@ -6,7 +6,7 @@ from math import floor
 
 import numpy as np
 
-from wsim.physics.rods.objects import LEAST, Rods, strand_neighbours
+from wsim.physics.rods.objects import LEAST, Rods, segment_ends, strand_neighbours
 from wsim.scene import Collider, Motion, Pin, Problem, Scene, Surface
 from wsim.scene.attachments import body_ties
 from wsim.scene.check.objects import NEAR, check_number, object_warning, thing_error, three_digits
@@ -30,7 +30,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
                            "2 or more points a strand, as many as there are in all",
                            "author points and curveVertexCounts again")
         return
-    wrong = [*_check_rod_arrays(rods)]
+    wrong = [*_check_rod_arrays(rods), *_check_closed_rods(rods)]
     yield from wrong
     for name, strict in (("young", True), ("density", True)):
         yield from check_number(path, name, getattr(rods, name), 0.0, strict)
@@ -77,7 +77,7 @@ def _check_strands_in_bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
         tied = [p for tie in body_ties(scene, rods.path) if tie.other == body.path for p in tie.points.tolist() if 0 <= p < n]
         free = np.ones((2, n), bool)                                     # points and edges that meet this body
         for point in tied:
-            for side, near in enumerate(strand_neighbours(rods.counts, point)):
+            for side, near in enumerate(strand_neighbours(rods.counts, point, rods.closed)):
                 free[side, near] = False
         for c in found.get(body.path, ()):
             where = replace(c, motion=Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)))
@@ -120,9 +120,9 @@ def _edge_depths(rods: Rods, c: Collider, x: np.ndarray, depth: np.ndarray) -> n
     """How deep [m] edges are in a collider whose points x are not, at `PLACES` of them; 0 of others."""
     from wsim.scene.check.signed_distance import collider_signed_distance
     found = np.zeros(len(x))
-    own = (depth[:-1] <= 0.0) & (depth[1:] <= 0.0)
-    own[np.cumsum(rods.counts)[:-1] - 1] = False
-    k, d = np.flatnonzero(own), np.diff(x, axis=0)
+    first, second = segment_ends(rods).T
+    k, d = first[(depth[first] <= 0.0) & (depth[second] <= 0.0)], np.zeros_like(x)
+    d[first] = x[second] - x[first]
     if isinstance(c.shape, Surface):
         M, points = c.motion.at(0.0), c.shape.points if c.shape.poses is None else c.shape.poses.at(0.0)
         center = points.mean(axis=0)
@@ -156,28 +156,33 @@ def _check_rod_arrays(rods: Rods) -> Iterator[Problem]:
                                f"{' or '.join(map(str, sizes))} finite numbers > 0", "author it again")
 
 
-def _rest_edge_lengths(rods: Rods) -> np.ndarray:
-    """Length at rest from each point to the next [m]; inf between strands."""
-    world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
-    length = np.linalg.norm(np.diff(world, axis=0), axis=1)
-    length[np.cumsum(rods.counts)[:-1] - 1] = np.inf
-    return length
+def _check_closed_rods(rods: Rods) -> Iterator[Problem]:
+    """Rings that cannot be, or are not solved for yet."""
+    if rods.closed and rods.counts.min() < LEAST:
+        yield thing_error(rods.path, f"a closed strand has {rods.counts.min()} points", f"{LEAST} or more",
+                           "give a point more, or leave closed (of curves: wrap = periodic) out")
+    if rods.closed and rods.self_collision:
+        yield thing_error(rods.path, "closed strands are to meet themselves or surfaces (self_collision)",
+                           "colliders and rigid bodies", "leave wsim:selfCollision off, or leave the curves open")
 
 
 def _check_edge_lengths(rods: Rods) -> Iterator[Problem]:
     """Edges without length, or shorter than they are thick."""
-    length = _rest_edge_lengths(rods)
-    thick = np.broadcast_to(rods.diameters, len(rods.points))[:-1]
+    world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
+    first, second = segment_ends(rods).T
+    length = np.linalg.norm(world[second] - world[first], axis=1)
+    thick = np.broadcast_to(rods.diameters, len(rods.points))[first]
     if length.min(initial=np.inf) <= 0.0:
         k = int(np.argmin(length))
-        yield thing_error(rods.path, f"points {k} and {k + 1} of a strand are in one place", "edges with a length",
-                           "remove the double point")
+        yield thing_error(rods.path, f"points {first[k]} and {second[k]} of a strand are in one place", "edges with a length",
+                           "remove the double point" + "; closed strands name their first point once" * rods.closed)
     elif (stout := length < STOUT * (1.0 - NEAR) * thick).any():
         k = int(np.argmax(stout))
         yield object_warning(rods.path,
-                             f"{np.count_nonzero(stout)} edges are shorter than they are thick, such as that of point {k}: "
-                             f"{length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods", "give fewer points, or a diameter of "
-                             f"at most {three_digits(float(length[stout].min()) / STOUT, floor):.3g} m")
+                             f"{np.count_nonzero(stout)} edges are shorter than they are thick, such as that of point "
+                             f"{first[k]}: {length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods",
+                             "give fewer points, or a diameter of at most "
+                             f" {three_digits(float(length[stout].min()) / STOUT, floor):.3g} m")
     if (short := rods.counts < LEAST).any():
         yield object_warning(rods.path,
                              f"{np.count_nonzero(short)} strands have {int(rods.counts.min())} points, and do not bend",
@@ -186,19 +191,20 @@ def _check_edge_lengths(rods: Rods) -> Iterator[Problem]:
 
 def _check_directors(rods: Rods) -> Iterator[Problem]:
     """Directors that are zero or along their edge: they say no turn of it."""
-    R, inner = rods.motion.at(0.0)[:3, :3], np.ones(len(rods.points) - 1, bool)
-    inner[np.cumsum(rods.counts)[:-1] - 1] = False
+    R, (first, second) = rods.motion.at(0.0)[:3, :3], segment_ends(rods).T
     rest = rods.points if rods.rest_points is None else rods.rest_points
     for name, x in (("directors", rods.points), ("rest_directors", rest)):
         if (given := getattr(rods, name)) is None:
             continue
-        d, t = (np.asarray(v, np.float64) @ R.T for v in (given[:-1], np.diff(x.astype(np.float64), axis=0)))
+        x = np.asarray(x, np.float64)
+        d, t = (np.asarray(v, np.float64) @ R.T for v in (given[first], x[second] - x[first]))
         size = np.linalg.norm(d, axis=1) * np.linalg.norm(t, axis=1)
-        lost = inner & (np.linalg.norm(np.cross(d, t), axis=1) <= ACROSS * size) & (np.linalg.norm(t, axis=1) > 0.0)
+        lost = (np.linalg.norm(np.cross(d, t), axis=1) <= ACROSS * size) & (np.linalg.norm(t, axis=1) > 0.0)
         if lost.any():
-            k = int(np.argmax(lost))
+            row = int(np.argmax(lost))
+            k = int(first[row])
             yield thing_error(rods.path, f"{AUTHORED[name]}[{k}] is {given[k].tolist()}, the edge behind point {k} goes along "
-                               f"{np.diff(x, axis=0)[k].tolist()} ({np.count_nonzero(lost)} such edges)",
+                               f"{(x[second] - x[first])[row].tolist()} ({np.count_nonzero(lost)} such edges)",
                                "directions across their edges, not 0", "author it again, or leave it out: no twist then")
 
 

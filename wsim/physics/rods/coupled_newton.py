@@ -51,8 +51,8 @@ FEW = 512                     # strands: with as many, a thread each costs no mo
 
 
 def uses_thread_teams(table, worlds: int, device) -> bool:
-    """True if a block of threads a world solves its strands, False: a thread a strand."""
-    return device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM
+    """True if a block of threads a world solves its strands, False: a thread a strand, as where some are closed."""
+    return not table.closed and device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM
 
 
 class CoupledStrands:
@@ -81,10 +81,10 @@ class CoupledStrands:
         if uses_thread_teams(t, worlds, device):
             self._make_world_teams(names, module, device, bodies)
             return
-        self.assemble, self.measure, self.judge, self.take = coupled.coupled_newton_kernels(names, strands.airy, module)
+        self.assemble, self.measure, self.judge, self.take = coupled.coupled_newton_kernels(names, strands.airy, module,
+                                                                                              t.closed)
         (self.carry, self.start, self.apply, self.length, self.step, self.turn, self.aim,
-         self.finish) = conjugate.conjugate_gradient_kernels(
-            module)
+         self.finish) = conjugate.conjugate_gradient_kernels(module, t.closed)
 
     def _make_world_teams(self, names: tuple[str, ...], module: str, device, bodies: bool) -> None:
         """Tables of blocks of threads that solve a world each."""
@@ -121,7 +121,8 @@ class CoupledStrands:
             **{k: zeros(two, dtype=wp.vec4d) for k in ("x", "r", "p", "w", "q", "force", "last")})
         types = {"pivot": wp.mat44d, "b": wp.vec4d, "press": wp.vec3d, "stiff": wp.mat33d, "along": wp.mat33d}
         for name, kind in types.items():
-            setattr(self.strands.trial, name, zeros(two, dtype=kind))
+            if getattr(self.strands.trial, name) is None:
+                setattr(self.strands.trial, name, zeros(two, dtype=kind))
 
     def join(self, bodies: StrandBodyContacts) -> None:
         """Takes the rigid bodies that strands meet."""

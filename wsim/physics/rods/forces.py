@@ -109,7 +109,7 @@ class StrandReactions:
         a -= s.strands.gravity.numpy()[rows % t.strands]
         if s.airy:
             a += s.strands.decay.numpy()[rows % t.strands, None] * s.part.arrays["v"].numpy()[rows]
-        return t.values["m"].ravel()[rows, None] * a - self._elastic_strand_forces()[rows] - s.loads.forces(time)[rows]
+        return t.masses[rows, None] * a - self._elastic_strand_forces()[rows] - s.loads.forces(time)[rows]
 
     def _targets(self, rows: np.ndarray, time: float) -> np.ndarray:
         """Where pins put points at a time [m], (points, 3)."""

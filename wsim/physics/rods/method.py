@@ -50,9 +50,9 @@ def signature(b) -> list:
     return []                                            # kernels stand in modules of their own
 
 
-def rod_module_name(names: tuple[str, ...], airy: bool, touching: bool, apart: bool) -> str:
-    """Module of the kernels that meet colliders of such kinds, air, other strands."""
-    return "_".join(("wsim_rods", *names, *("air",) * airy, *("touch",) * touching, *("apart",) * apart))
+def rod_module_name(names: tuple[str, ...], airy: bool, touching: bool, apart: bool, closed: bool = False) -> str:
+    """Module of the kernels that meet colliders of such kinds, air, other strands; closed: some strands are."""
+    return "_".join(("wsim_rods", *names, *("air",) * airy, *("touch",) * touching, *("apart",) * apart, *("closed",) * closed))
 
 
 def air_acts_on_rods(scene: Scene) -> bool:
@@ -80,8 +80,8 @@ class RodMethod(Method):
         self.obstacles = StrandObstacles(b.scene.colliders, device, self.substeps)
         names = self.obstacles.kinds
         self.airy, self.among, together = air_acts_on_rods(b.scene), None, touching or bearing  # type: bool, Any, bool
-        apart = not together and (self.model.device.is_cuda if APART is None else APART)
-        own = rod_module_name(names, self.airy, touching, apart) + "_among" * meeting
+        apart = not (together or t.closed) and (self.model.device.is_cuda if APART is None else APART)
+        own = rod_module_name(names, self.airy, touching, apart, t.closed) + "_among" * meeting
         if bearing:
             from wsim.physics.rods.bodies import body_module_suffix
             own += body_module_suffix(b.scene, self.model.real)
@@ -114,8 +114,7 @@ class RodMethod(Method):
     def _make_rod_stage(self, own: str, apart: bool) -> Stage:
         """The stage that is a frame. own: name of the module of kernels; apart: a launch for each part of an iteration."""
         t = self.table
-        points = sum(len(r.points) for r, _ in t.pairs)
-        what = f"{t.strands} strands of {points} points, {self.substeps} substeps of "
+        what = f"{t.strands} strands of {sum(len(r.points) for r, _ in t.pairs)} points, {self.substeps} substeps of "
         if self.touching and self.touching.bodies:
             return Stage("rods", "predict", self.touching.substep, 40, self.part.bytes, what=what + "BDF2, or backward Euler "
                          "beside rigid bodies, float64; solved together with these")
@@ -126,7 +125,7 @@ class RodMethod(Method):
             from wsim.physics.rods.gpu_elimination import StrandElimination
             return Stage("rods", "predict", StrandElimination(self, own, self.model.device).advance, 30 * self.substeps,
                          self.part.bytes, "frame", what + "BDF2, float64")
-        self.kernel = strand_march_kernel(self.obstacles.kinds, self.airy, own)
+        self.kernel = strand_march_kernel(self.obstacles.kinds, self.airy, own, self.table.closed)
         return Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame", what + "BDF2 in one launch, float64")
 
     def _make_coupled_solver(self, name: str, status: FrameStatus, edges: bool, bodies: bool) -> Any:
@@ -170,6 +169,9 @@ class RodMethod(Method):
                 places |= {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
             more = {name: wp.zeros((3 * two[0], two[1]), dtype=kind, device=device) for name, kind in places.items()}
             more["edge"] = wp.zeros(two, dtype=int, device=device)
+        if self.table.closed:
+            types |= {"pivot": wp.mat44d, "b": wp.vec4d, "slack": wp.vec4d}
+            more["seam"] = wp.zeros((two[1], 3), dtype=wp.mat44d, device=device)
         if self.obstacles.kinds and not together:
             more["drawn"] = wp.zeros(self.table.strands, dtype=wp.float64, device=device)
         return fill_struct(tables.RodTrial, **more, **{k: wp.zeros(two, dtype=v, device=device) for k, v in types.items()})
@@ -217,7 +219,7 @@ class RodMethod(Method):
             self.touching.often, self.touching.fresh = False, True
 
     def lengthen_lists(self) -> None:
-        if self.touching:
+        if self.touching and self.touching.memory:
             self.touching.fits(self.touching.near.capacity + 1, 0)
 
     def prepare_restart(self, fields) -> None:
@@ -225,6 +227,7 @@ class RodMethod(Method):
             self.touching.memory.make_room(len(fields.get(self.table.pairs[0][0].path, {}).get("pair0", (0,))))
 
     def resume_run(self, time: float) -> None:
+        self.table.copy_rings(self.part.arrays)
         if self.touching and self.touching.memory:
             self.touching.memory.put_back()
 

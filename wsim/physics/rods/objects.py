@@ -15,7 +15,7 @@ from wsim.scene.curve import Motion
 from wsim.scene.methods import method_file
 from wsim.scene.solids import shape_row
 
-LEAST = 3                          # points of a strand that can bend
+LEAST = 3                          # points of a strand that can bend, and of a closed one
 
 
 @dataclass(eq=False)
@@ -45,6 +45,7 @@ class Rods(PointObject):
     damping             relaxation time of the elastic forces [s], of stretching, bending and twisting
     drag                drag coefficient of the air across an edge, on its length times its diameter [1]
     skin_drag           drag coefficient along it, on its surface [1]
+    closed              True: the last point of each strand is joined to its first, as in a ring; 3 or more points each
     self_collision      True: its strands pass neither through themselves, nor other strands, cloth and soft bodies that say so
     pins                `Pin`s of its points
     """
@@ -73,6 +74,7 @@ class Rods(PointObject):
     damping: float = 0.0
     drag: float = 0.0
     skin_drag: float = 0.0
+    closed: bool = False
     self_collision: bool = False
     pins: list[Pin] = field(default_factory=list)
 
@@ -106,12 +108,24 @@ class Rods(PointObject):
             mesh.poses, np.repeat(roots.corners, 2, axis=0), x[points], np.repeat(roots.faces, 2)))
 
 
-def strand_neighbours(counts: np.ndarray, point: int) -> tuple[list[int], list[int]]:
-    """(points, edges by their first point) that touch a point: itself, those beside it."""
+def strand_neighbours(counts: np.ndarray, point: int, closed: bool = False) -> tuple[list[int], list[int]]:
+    """(points, edges by their first point) that touch a point: itself, those beside it. closed: of rings."""
     last = int(np.searchsorted(np.cumsum(counts), point, side="right"))
     first = int(counts[:last].sum())
+    if closed:
+        before, behind = (first + (point - first + step) % counts[last] for step in (-1, 1))
+        return sorted({point, before, behind}), [before, point]
     edges = [p for p in (point - 1, point) if first <= p < first + counts[last] - 1]
     return sorted({point, *edges, *(p + 1 for p in edges)}), edges
+
+
+def segment_ends(rods: Rods) -> np.ndarray:
+    """Both points of each segment, (segments, 2), in the order of the first."""
+    first = np.arange(len(rods.points))
+    last = np.cumsum(rods.counts) - 1
+    behind = first + 1
+    behind[last] = last + 1 - rods.counts
+    return np.stack([first, behind], axis=1) if rods.closed else np.delete(np.stack([first, behind], axis=1), last, axis=0)
 
 
 def grow_hair(path: str, collider: Collider, number: int, length: float, where, segments: int, more: dict) -> Rods:

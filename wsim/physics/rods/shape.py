@@ -19,9 +19,10 @@ def transport_directors(a: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarr
     return v + np.cross(k, v) + np.cross(k, np.cross(k, v)) / c
 
 
-def director_frames(x: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
+def director_frames(x: np.ndarray, given: np.ndarray | None = None, closed: bool = False) -> np.ndarray:
     """Unit directors (strands, edges, 3) across the edges of x (strands, points, 3): those given, made upright, else without
-    twist, transported from the first edge on."""
+    twist, transported from the first edge on. closed: the last edge is a copy of the first; what is missing to come back to
+    its director (the holonomy of the curve) is spread over all bends."""
     t = unit_vectors(np.diff(x, axis=1))
     if given is not None:
         return unit_vectors(given - t * np.sum(given * t, -1, keepdims=True))
@@ -30,7 +31,14 @@ def director_frames(x: np.ndarray, given: np.ndarray | None = None) -> np.ndarra
     for i in range(1, t.shape[1]):
         m = transport_directors(t[:, i - 1], t[:, i], found[-1])
         found.append(unit_vectors(m - t[:, i] * np.sum(m * t[:, i], -1, keepdims=True)))
-    return np.stack(found, axis=1)
+    m = np.stack(found, axis=1)
+    if closed:
+        a, b = m[:, -1], m[:, 0]
+        angle = np.arctan2(np.sum(np.cross(a, b) * t[:, -1], -1), np.sum(a * b, -1))
+        part = angle[:, None, None] * np.linspace(0.0, 1.0, m.shape[1])[:, None]
+        m = np.cos(part) * m + np.sin(part) * np.cross(t, m)
+        m[:, -1] = b
+    return m
 
 
 def bending_twist_strains(x: np.ndarray, m: np.ndarray) -> np.ndarray:

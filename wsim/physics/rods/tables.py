@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods import tables
+from wsim.kernels.rods.seam import GHOST
 from wsim.model.structs import fill_struct
 from wsim.physics.rods import shape
 from wsim.physics.rods.objects import Rods
@@ -44,16 +45,23 @@ class SkinFrame:
         return self.roots.frames(np.array([time]))[0, self.row]
 
 
+COPIES = 2        # of the first points of a closed strand, behind its last one (kernels/rods/seam.py)
+
+
 class StrandTable:
     """Strands of all rods and worlds, side by side: arrays (points of the longest, strands).
 
     rods    the `Rods` and the world of each group of strands      own     its strands, a slice each
     place   of each group: row of every point in the author's order, in the flat arrays
+    counts  points of each strand, copies of closed ones with them; own_counts: without
     """
 
     def __init__(self, pairs: list[tuple[Rods, int]]):
         self.pairs = pairs
-        self.counts = np.concatenate([rods.counts for rods, _ in pairs])
+        self.own_counts = np.concatenate([rods.counts for rods, _ in pairs])
+        self.copies = np.concatenate([np.full(len(rods.counts), COPIES * rods.closed) for rods, _ in pairs])
+        self.counts = self.own_counts + self.copies
+        self.closed = bool(self.copies.any())
         self.longest, self.strands = int(self.counts.max()), len(self.counts)
         ends = np.cumsum([len(rods.counts) for rods, _ in pairs])
         self.own = [slice(end - len(rods.counts), end) for end, (rods, _) in zip(ends.tolist(), pairs, strict=True)]
@@ -76,7 +84,7 @@ class StrandTable:
 
     def _place(self, own: slice) -> np.ndarray:
         """Flat row, point number * strands + strand, of each point."""
-        counts = self.counts[own]
+        counts = self.own_counts[own]
         strand = np.repeat(np.arange(own.start, own.stop), counts)
         number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         return number * self.strands + strand
@@ -94,6 +102,10 @@ class StrandTable:
                     self.hold.flat[row], pin_of[row] = len(self.held), k
                     self.held.append((k, place, np.zeros(3)))
         pin_of = pin_of.reshape(self.hold.shape)
+        for k in np.flatnonzero(self.copies[own]) + own.start:
+            n = self.own_counts[k]
+            for rows in (self.hold, pin_of):
+                rows[n:n + COPIES, k] = rows[:COPIES, k]
         both = (pin_of[:-1] >= 0) & (pin_of[:-1] == pin_of[1:])
         self.clamped[:-1] |= both.astype(np.int32)
 
@@ -125,17 +137,19 @@ class StrandTable:
         first = np.cumsum(rods.counts) - rods.counts
         for n in np.unique(rods.counts).tolist():
             which = np.flatnonzero(rods.counts == n)
-            rows, at = first[which][:, None] + np.arange(n), own.start + which
+            rows, at = first[which][:, None] + np.arange(n + COPIES * rods.closed) % n, own.start + which
             X, X0 = x[rows], rest[rows]
             def rotate_directors(given, rows=rows):
                 return None if given is None else np.asarray(given, np.float64)[rows][:, :-1] @ R.T
             m0 = shape.director_frames(X0, rotate_directors(rods.rest_directors if rods.rest_directors is not None else
-                                                            rods.directors if rods.rest_points is None else None))
+                                                            rods.directors if rods.rest_points is None else None), rods.closed)
             m = (shape.director_frames(X, rotate_directors(rods.directors)) if rods.directors is not None
                  else shape.transported_directors(X0, m0, X))
-            self._fill_equal_strands(at, n, X, X0, m0, m, {name: value[rows] for name, value in of.items()},
+            self._fill_equal_strands(at, rows.shape[1], X, X0, m0, m, {name: value[rows] for name, value in of.items()},
                                      None if rods.masses is None else np.asarray(rods.masses, np.float64)[rows])
-            self.v[:n, at] = np.swapaxes(v[rows], 0, 1)
+            self.v[:rows.shape[1], at] = np.swapaxes(v[rows], 0, 1)
+            if rods.closed:
+                self._share_ring_masses(n, at)
 
     def _fill_equal_strands(self, at, n, X, X0, m0, m, of, masses) -> None:
         length = np.linalg.norm(np.diff(X0, axis=1), axis=2)
@@ -157,6 +171,30 @@ class StrandTable:
         self.d[:n - 1, at] = np.swapaxes(m, 0, 1)
         self.phi[:n, at] = shape.bending_twist_strains(X, m)[:, :, 2].T
 
+    def _share_ring_masses(self, n: int, at: np.ndarray) -> None:
+        """Masses of closed strands of n points: copies have a part of their own, and no tension between them."""
+        m, J, A = (self.values[name] for name in "mJA")
+        for whole, own, copy in ((m[n, at], m[0], m[n]), (m[1, at], m[1], m[n + 1]), (J[0, at], J[0], J[n])):
+            own[at], copy[at] = (1.0 - GHOST) * whole, GHOST * whole
+        A[n, at] = 0.0
+
+    @property
+    def masses(self) -> np.ndarray:
+        """Masses of points [kg], in the flat arrays; those of copies count for the points that they are copies of."""
+        m = self.values["m"].copy()
+        for k in np.flatnonzero(self.copies):
+            m[:COPIES, k] += m[self.own_counts[k]:self.counts[k], k]
+        return m.ravel()
+
+    def copy_rings(self, arrays: dict[str, Any]) -> None:
+        """Rows of copies in arrays of the flat tables, as those that they are copies of."""
+        k = np.repeat(np.flatnonzero(self.copies), COPIES)
+        at = np.tile(np.arange(COPIES), len(k) // COPIES)
+        for array in arrays.values() if self.closed else ():
+            values = array.numpy()
+            values[(self.own_counts[k] + at) * self.strands + k] = values[at * self.strands + k]
+            array.assign(values)
+
     def _clamp_edge_directors(self) -> None:
         """Directors of clamped edges in their pins' frames."""
         for i, k in np.argwhere(self.clamped):
@@ -168,6 +206,7 @@ class StrandTable:
         """Drag of edges over the speed squared, across and along [kg/m]; density: of the air [kg/m^3] (kernels/rods/air.py)."""
         size = self.values["length"].copy()
         size[:-1] *= self.values["radius"][:-1] + self.values["radius"][1:]
+        size[np.arange(self.longest)[:, None] >= self.own_counts] = 0.0
         c = np.zeros((2, self.strands))
         for own, (rods, _) in zip(self.own, self.pairs, strict=True):
             c[:, own] = np.array([rods.drag, np.pi * rods.skin_drag])[:, None]
@@ -183,6 +222,8 @@ class StrandTable:
         tau = np.repeat([rods.damping for rods, _ in self.pairs], each)
         friction = np.repeat([(rods.static_friction, rods.dynamic_friction) for rods, _ in self.pairs], each, axis=0)
         damped = {"tau": upload_strand_column(tau.astype(np.float64))} if tau.any() else {}
+        if self.closed:
+            damped["own"] = upload_strand_column(self.own_counts.astype(np.int32), int)
         return fill_struct(tables.RodTable, **damped, points=upload_strand_column(self.counts.astype(np.int32), int),
                            rest=upload_strand_column(self.rest, wp.vec3d),
                            hold=upload_strand_column(self.hold, int), clamped=upload_strand_column(self.clamped, int),

@@ -1,8 +1,8 @@
 """BasisCurves with PhysicsCurvesDeformableSimAPI <-> `Rods`.
 
-Linear curves of open ends; normals are directors of the edges behind points, thicknesses are diameters. Stiffnesses that the
-material does not author follow from Young's modulus, Poisson's ratio and the diameter: E A, E I, G J. Shear is rigid. Mass:
-masses of points or segments, else the body's mass or density, else the material's density.
+Linear curves, of open ends or periodic, which are closed rods; normals are directors of the edges behind points, thicknesses
+are diameters. Stiffnesses that the material does not author follow from Young's modulus, Poisson's ratio and the diameter: E A,
+E I, G J. Shear is rigid. Mass: masses of points or segments, else the body's mass or density, else the material's density.
 """
 
 import math
@@ -10,7 +10,7 @@ import math
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from wsim.physics.rods.objects import Rods
+from wsim.physics.rods.objects import Rods, segment_ends
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute as write
 from wsim.usd.attributes import read_attribute
@@ -33,9 +33,8 @@ OWN = ("self_collision", "drag", "skin_drag")           # of WsimRodsAPI
 
 
 def simulates(prim: Usd.Prim) -> bool:
-    """True if curves are read as rods: linear ones with open ends."""
-    curves = UsdGeom.BasisCurves(prim)
-    return bool(curves) and curves.GetWrapAttr().Get() != UsdGeom.Tokens.periodic
+    """True if curves are read as rods."""
+    return bool(UsdGeom.BasisCurves(prim))
 
 
 def load_rods(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
@@ -55,7 +54,8 @@ def load_rods(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Rods | N
         return None
     given = read_attribute(prim, "Rods", "rest_points", units)
     rods = Rods(str(path), points, counts, rest_points=rest if given is None else given,
-                motion=read_placement(reading, prim).motion)
+                motion=read_placement(reading, prim).motion,
+                closed=UsdGeom.BasisCurves(prim).GetWrapAttr().Get() == UsdGeom.Tokens.periodic)
     for field in ("velocities", "directors", "rest_directors"):
         value = read_attribute(prim, "Rods", field, units, reading.start)
         if value is not None and len(value) != len(points):
@@ -64,7 +64,7 @@ def load_rods(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Rods | N
                          "point)")
         elif value is not None:
             setattr(rods, field, value)
-    rods.diameters = _read_point_values(reading, prim, "diameters", counts, names.THICKNESS)
+    rods.diameters = _read_point_values(reading, prim, "diameters", rods, names.THICKNESS)
     _warn_widths_unused(reading, prim)
     _read_rod_material(reading, prim, rods)
     rods.masses = _read_rod_masses(reading, prim, body, rods)
@@ -86,8 +86,9 @@ def _warn_widths_unused(reading: StageReading, prim: Usd.Prim) -> None:
                      f"{names.THICKNESS:g} m thick; author it, in units of the stage")
 
 
-def _read_point_values(reading: StageReading, prim: Usd.Prim, field: str, counts: np.ndarray, fallback: float) -> np.ndarray:
+def _read_point_values(reading: StageReading, prim: Usd.Prim, field: str, rods: Rods, fallback: float) -> np.ndarray:
     """Values of points, (n,) or (1,), of an attribute that gives them to all, curves, segments or points."""
+    counts, segments = rods.counts, segment_ends(rods)
     n, values = int(counts.sum()), read_attribute(prim, "Rods", field, reading.units)
     if values is None or len(values) == 0:
         return np.array([fallback])
@@ -95,7 +96,7 @@ def _read_point_values(reading: StageReading, prim: Usd.Prim, field: str, counts
     if not (np.isfinite(values) & (values > 0)).all():
         reading.fail(prim.GetPath(), f"{name} holds {values.min():g}; allowed are finite numbers > 0")
         return np.array([fallback])
-    sizes = {"constant": 1, "point": n, "curve": len(counts), "segment": n - len(counts)}
+    sizes = {"constant": 1, "point": n, "curve": len(counts), "segment": len(segments)}
     kind = prim.GetAttribute(f"{name}:elementType").Get() or next((k for k, m in sizes.items() if m == len(values)), "")
     if sizes.get(kind) != len(values):
         of = f" of elementType {kind!r}" if kind else ""
@@ -105,15 +106,13 @@ def _read_point_values(reading: StageReading, prim: Usd.Prim, field: str, counts
     if kind == "curve":
         return np.repeat(values, counts)
     if kind == "segment":                                    # a point has the mean of its own
-        return _sum_segments_at_points(values, counts) / _sum_segments_at_points(np.ones(len(values)), counts)
+        return _sum_segments_at_points(values, segments, n) / _sum_segments_at_points(np.ones(len(values)), segments, n)
     return values
 
 
-def _sum_segments_at_points(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Sum at each point of the values of its one or two segments."""
-    n = int(counts.sum())
-    start = np.delete(np.arange(n), np.cumsum(counts) - 1)
-    return np.bincount(start, values, n) + np.bincount(start + 1, values, n)
+def _sum_segments_at_points(values: np.ndarray, segments: np.ndarray, n: int) -> np.ndarray:
+    """Sum at each of n points of the values of its one or two segments."""
+    return np.bincount(segments[:, 0], values, n) + np.bincount(segments[:, 1], values, n)
 
 
 def _read_rod_material(reading: StageReading, prim: Usd.Prim, rods: Rods) -> None:
@@ -137,14 +136,14 @@ def _read_rod_material(reading: StageReading, prim: Usd.Prim, rods: Rods) -> Non
 
 def _read_rod_masses(reading: StageReading, prim: Usd.Prim, body: Usd.Prim, rods: Rods) -> np.ndarray | None:
     """[kg] of each point; None: from the density, into which a density of the body goes."""
-    counts, n = rods.counts, len(rods.points)
+    segments, n = segment_ends(rods), len(rods.points)
     values = read_attribute(prim, "Rods", "masses", reading.units)
     if values is not None and len(values) == n:
         return values
-    if values is not None and len(values) == n - len(counts):
-        return 0.5 * _sum_segments_at_points(values.astype(np.float64), counts)
+    if values is not None and len(values) == len(segments):
+        return 0.5 * _sum_segments_at_points(values.astype(np.float64), segments, n)
     if values is not None and len(values) > 1:
-        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {n - len(counts)} (segments) "
+        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {len(segments)} (segments) "
                      f"or {n} (points)")
         return None
     total = float(values[0]) if values is not None and len(values) else read_attribute(body, "Body", "mass", reading.units)
@@ -153,11 +152,10 @@ def _read_rod_masses(reading: StageReading, prim: Usd.Prim, body: Usd.Prim, rods
         rods.density = density
     if total and math.isfinite(total):
         world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
-        length = np.delete(np.linalg.norm(np.diff(world, axis=0), axis=1), np.cumsum(counts)[:-1] - 1)
+        first, second = segments.T
         d = np.broadcast_to(rods.diameters, n)
-        area = np.delete(0.25 * np.pi * (0.5 * (d[:-1] + d[1:]))**2, np.cumsum(counts)[:-1] - 1)
-        of = area * length
-        return 0.5 * _sum_segments_at_points(of * (total / of.sum()), counts)
+        of = 0.25 * np.pi * (0.5 * (d[first] + d[second]))**2 * np.linalg.norm(world[second] - world[first], axis=1)
+        return 0.5 * _sum_segments_at_points(of * (total / of.sum()), segments, n)
     return None
 
 
@@ -166,6 +164,8 @@ def author(stage: Usd.Stage, rods: Rods, units: StageUnits) -> None:
     curves = UsdGeom.BasisCurves.Define(stage, rods.path)
     prim = curves.GetPrim()
     curves.CreateTypeAttr(UsdGeom.Tokens.linear)
+    if rods.closed:
+        curves.CreateWrapAttr(UsdGeom.Tokens.periodic)
     for schema in (names.BODY, names.CURVES_SIM):
         prim.AddAppliedSchema(schema)
     for field in ("points", "counts", "velocities", "rest_points", "directors", "rest_directors", "diameters", "masses"):

@@ -177,22 +177,6 @@ def validate_material(reading: StageReading, material: Usd.Prim, kind: type, val
     return kind(**good)
 
 
-def load_curve_stretch(reading: StageReading, prim: Usd.Prim, area: float) -> tuple[float, float]:
-    """(E A [N], density [kg/m^3]) of the material of a curve of cross-section `area` [m^2]."""
-    material = bound_physics_material(reading, prim)
-    if material is None or not is_physical(material):
-        return names.YOUNGS_MODULUS * area, names.DENSITY
-    E = read_attribute(material, "Elastic", "young", reading.units)
-    EA = read_attribute(material, "Elastic", "curve_stretch", reading.units)
-    density = _unset_to_none(read_attribute(material, "Friction", "density", reading.units))
-    if EA in UNAUTHORED:
-        EA = (names.YOUNGS_MODULUS if E in UNAUTHORED else E) * area
-    for name, value in (("curvesStretchStiffness", EA), ("density", density or names.DENSITY)):
-        if not (math.isfinite(value) and value > 0):
-            reading.fail(material.GetPath(), f"physics:{name} is {value:g}; allowed is a finite number > 0")
-    return EA, density or names.DENSITY
-
-
 def define_material(stage: Usd.Stage, path: str) -> Usd.Prim:
     UsdGeom.Scope.Define(stage, Sdf.Path(path).GetParentPath())
     return UsdShade.Material.Define(stage, path).GetPrim()

@@ -2,13 +2,10 @@
 
 Each segment of a curve is a spring. Curves do not share points, so a particle that several curves meet has a vertex
 in each, and wsim:particles says which particle a vertex is; a curve (i, i) places a particle that no spring holds.
-Curves with PhysicsCurvesDeformableSimAPI are read as springs of stiffness E A / L (L the length of a segment, A its
-cross-section); their bending and twist are not simulated.
 """
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,10 +20,9 @@ from wsim.usd.prims.fabric import (
     bind_physics_material,
     bound_physics_material,
     friction_by_name,
-    load_curve_stretch,
     load_friction,
 )
-from wsim.usd.stage import StageReading, StageUnits, applied_schemas
+from wsim.usd.stage import StageReading, StageUnits
 from wsim.usd.transforms import author_motion, read_placement
 from wsim.usd.transforms.curves import author_curve, read_curve
 
@@ -59,9 +55,7 @@ def load_body(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> Springs 
                      f"it must number the particles of the {len(vertices)} vertices from 0 without gaps")
         return None
     segments = _curve_segments(counts, curves.GetWrapAttr().Get() == UsdGeom.Tokens.periodic)
-    if names.WSIM_SPRINGS in applied_schemas(prim):
-        return _read_spring_net(reading, prim, vertices, particles, segments)
-    return _read_curves_as_springs(reading, prim, body, vertices, particles[segments])
+    return _read_spring_net(reading, prim, vertices, particles, segments)
 
 
 def _curve_segments(counts: np.ndarray, periodic: bool) -> np.ndarray:
@@ -132,71 +126,6 @@ def author_muscles(prim: Usd.Prim, springs: Springs, units: StageUnits) -> None:
         return
     attribute = define_attribute(prim, names.attribute_entry("Springs", "actuation"))
     author_curve(attribute, curve, units, lambda values, code: attribute.Set(to_usd_array(values, "double[]"), code))
-
-
-def _read_curves_as_springs(reading: StageReading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray,
-                            edges: np.ndarray) -> Springs | None:
-    """A curves deformable: stiffness E A / L and mass of each segment from its rest shape."""
-    from wsim.scene import Springs
-    path, motion = prim.GetPath(), read_placement(reading, prim).motion
-    reading.warn(path, "is simulated as springs along its segments, without bending, twist and wsim:selfCollision: it is no "
-                       "BasisCurves with open ends; author wrap = nonperiodic for these")
-    rest = read_attribute(prim, "Cloth", "rest_points", reading.units)
-    rest = points if rest is None else rest
-    if len(rest) != len(points):
-        reading.fail(path, f"physics:restShapePoints has {len(rest)} values; allowed is {len(points)} (one a point)")
-        return None
-    ends = rest.astype(np.float64)[edges]
-    L = np.linalg.norm((ends[:, 1] - ends[:, 0]) @ motion.values[0, :3, :3].T, axis=1)
-    if not np.all(np.isfinite(L)) or L.min(initial=1.0) <= 0.0:
-        reading.fail(path, f"segment {int(np.argmin(np.where(np.isfinite(L), L, -1)))} has no length; remove the "
-                           "double point")
-        return None
-    h = _read_curve_diameter(reading, prim)
-    area = math.pi * h * h / 4.0
-    EA, density = load_curve_stretch(reading, prim, area)
-    masses = _rod_masses(reading, prim, body, edges, density * area * L, len(points))
-    static, dynamic = load_friction(reading, prim)
-    velocities = read_attribute(prim, "Springs", "velocities", reading.units, reading.start)
-    note_varying_values(reading, str(path), Springs, value_attributes_of_prim(bound_physics_material(reading, prim)),
-                        lambda at: friction_by_name(at, prim) | {
-        "stiffness": load_curve_stretch(at, prim, area)[0] / L, "density": load_curve_stretch(at, prim, area)[1]})
-    return Springs(str(path), points, edges, EA / L, masses, lengths=L, radius=h / 2.0, motion=motion,
-                   velocities=velocities, static_friction=static, dynamic_friction=dynamic)
-
-
-def _read_curve_diameter(reading: StageReading, prim: Usd.Prim) -> float:
-    """One thickness [m] for the curves: the mean of what is authored."""
-    values = read_attribute(prim, "Cloth", "thicknesses", reading.units)
-    if values is None or len(values) == 0:
-        return names.THICKNESS
-    if not (np.all(np.isfinite(values)) and values.min() > 0):
-        reading.fail(prim.GetPath(), f"physics:thicknesses holds {values.min():g}; allowed are finite numbers > 0")
-        return names.THICKNESS
-    if np.ptp(values) > 0:
-        reading.warn(prim.GetPath(), "physics:thicknesses varies; its mean counts")
-    return float(str(values[0])) if np.ptp(values) == 0 else float(values.mean())
-
-
-def _rod_masses(reading: StageReading, prim: Usd.Prim, body: Usd.Prim, edges, of_segments: np.ndarray, n: int) -> np.ndarray:
-    """[kg] of each point: point or segment masses, else the body's mass or density, else the material's density."""
-    values = read_attribute(prim, "Cloth", "masses", reading.units)
-    if values is not None and len(values) == n:
-        return values
-    if values is not None and len(values) == len(edges):
-        of_segments = values.astype(np.float64)
-    elif values is not None and len(values) not in (0, 1):
-        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {len(edges)} (segments) "
-                     f"or {n} (points)")
-    else:
-        total = float(values[0]) if values is not None and len(values) else read_attribute(body, "Body", "mass", reading.units)
-        density = read_attribute(body, "Body", "density", reading.units)
-        if total:
-            of_segments = of_segments * (total / of_segments.sum())
-        elif density:
-            h = _read_curve_diameter(reading, prim)
-            of_segments = of_segments * (density / load_curve_stretch(reading, prim, math.pi * h * h / 4.0)[1])
-    return np.bincount(edges.ravel(), np.repeat(of_segments / 2.0, 2), n)
 
 
 def curve_vertices(springs: Springs) -> np.ndarray:
