@@ -33,7 +33,7 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
           "bench", "cli", "__init__", "__main__")
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.nets.muscles"}                  # never each other
-USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
+USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving", "physics.soft.clusters.usd",
        "physics.rigid.joints.authored", "physics.rigid.joints.stacked", "physics.rigid.joints.passive",
        "physics.rigid.joints.filters.usd", "physics.rigid.joints.actuators.usd",
        "physics.rigid.joints.instances.usd", "physics.contact.collider.cloud_usd", "physics.fluid.usd",

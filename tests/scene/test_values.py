@@ -23,6 +23,7 @@ from wsim.physics.mpm.objects import Granular, Jelly, MaterialPoints, Snow, Wate
 from wsim.physics.rigid.joints.actuators.actuator import Actuator
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
+from wsim.physics.soft.clusters.objects import Clusters
 from wsim.scene import Load, Pin, Scene, SceneError, Varying, methods
 from wsim.scene.check.scene import check_scene
 from wsim.scene.check.varying import NEEDS
@@ -136,7 +137,8 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 
 # the table itself
 
-OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
+OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Clusters": (Clusters,),
+          "Collider": (Collider,), "Pin": (Pin,),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,),
           "Actuator": (Actuator,), "Fluid": (Fluid,), "Source": (Source,),
           "Liquid": (Liquid,), "Skeleton": (Skeleton,), "MaterialPoints": (MaterialPoints, Jelly, Snow, Granular, Water)}

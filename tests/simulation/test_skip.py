@@ -172,6 +172,7 @@ def test_methods_arrays_and_reasons_agree(name):
     assert set(found["methods"]) == wanted
     assert set(found["skipped"]) == {"pins", "muscles", "loads", "aero", "contact", "history", "explicit", "implicit", "xpbd",
                                      "fem", "rigid", "fluid", "liquid", "mpm", "rods", "follow", "bones", "selfcontact",
+                                     "shape_matching",
                                      "gradients"} - wanted
     assert ("a" in found["fields"]) == bool({"contact", "aero"} & wanted) and not {"s", "u"} & set(found["fields"])
 

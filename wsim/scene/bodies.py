@@ -149,12 +149,13 @@ class PointObject(ArrayDataclass):
     is_sheet        True: its triangles bend, and have air on both sides
     is_net          True: springs join its points, each with numbers of its own
     is_solid        True: tetrahedra fill it
+    is_cluster      True: shape matching holds its points together
     """
 
     noun = "body"
     refused: dict[str, str] = {}         # noqa: RUF012  (nobody changes it)
     mesh_fields: tuple[str, ...] = ()
-    plural = is_sheet = is_net = is_solid = False
+    plural = is_sheet = is_net = is_solid = is_cluster = False
 
     path: str
     points: Any

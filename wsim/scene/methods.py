@@ -57,6 +57,7 @@ METHODS: list[MethodRow] = [
     MethodRow("cloth", "wsim.physics.cloth", owns=("Cloth",), deforms=True, gradients=True),
     MethodRow("springs", "wsim.physics.cloth.nets", owns=("Springs",), deforms=True, gradients=True),
     MethodRow("soft", "wsim.physics.soft", owns=("Soft",), deforms=True, gradients=True),
+    MethodRow("clusters", "wsim.physics.soft.clusters", owns=("Clusters",), deforms=True),
     MethodRow("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     MethodRow("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
     MethodRow("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True,
@@ -76,6 +77,7 @@ METHODS: list[MethodRow] = [
               pushes=True,
               cost=MethodCost({"rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11}, {"rest": 4.5e-6, "sweep": 6e-7,
                "projection": 1.43e-8}, "wsim.simulation.cost:count_sweeps_choice")),
+    MethodRow("shape_matching", "wsim.physics.soft.clusters.method", without="there are no clusters", pushes=True),
     MethodRow("rigid", "wsim.physics.rigid", owns=("Body", "Joint", "Actuator", "Group", "FilteredPairs"),
               unseen=("Joint", "Actuator", "Group", "FilteredPairs"),
               claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS, "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI",
@@ -284,8 +286,7 @@ def _class_noun(name: str) -> str:
 def describe_scene_contents(scene) -> str:
     """Text that counts what a scene holds."""
     bodies, deforming = scene.bodies(), deforming_classes()
-    nouns = dict.fromkeys(body.noun for body in bodies)
-    kinds: dict[str, list] = {**{noun: [body for body in bodies if body.noun == noun] for noun in nouns},
+    kinds: dict[str, list] = {**{noun: [each for each in bodies if each.noun == noun] for noun in {b.noun: 0 for b in bodies}},
                               "skin": scene_skins(scene),
                               "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
                               **{_class_noun(name): found for name, found in scene.objects.items() if name not in deforming}}

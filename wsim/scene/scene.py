@@ -75,8 +75,8 @@ class Scene(ArrayDataclass):
     coordinates     of bodies with joints: "auto", "maximal" (each body has six) or "reduced" (those of the joints)
     sleep_speed     speed of rigid bodies under which an island goes to sleep [m/s]; 0: none does
     error           wanted RMS error of positions over the scene's size [1], for "auto"
-    objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `body`, `joint`, `rods`,
-                    `smoke`, `liquid`, `mpm`, `add`
+    objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `clusters`, `body`, `joint`,
+                    `rods`, `smoke`, `liquid`, `mpm`, `add`
     colliders       list of `Collider`; `scene.collider(...)`
     pins            list of `Pin`; `scene.pin(...)`
     ties            list of `Tie`; `scene.tie(...)`
@@ -161,6 +161,10 @@ class Scene(ArrayDataclass):
         """Adds a soft body; see `Soft` for the fields."""
         return self.add(method_file("Soft", "objects").Soft(path, points, tets, **more))
 
+    def clusters(self, path: str, points, **more) -> Any:
+        """Adds points (n, 3) [m] kept in clusters by shape matching; see `wsim.physics.soft.clusters.objects.Clusters`."""
+        return self.add(method_file("Clusters", "objects").Clusters(path, points, **more))
+
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
         """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
         shape = shape if "motion" in more else solids.upright_plane(shape, self.up)
@@ -212,13 +216,11 @@ class Scene(ArrayDataclass):
         return self.add(method_file("Rods", "objects").grow_hair(path, collider, number, length, where, segments, more))
 
     def smoke(self, path: str, low, high, cell: float, **more) -> Any:
-        """Adds a box of air (`wsim.Fluid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; `smoke_source`
-        lets smoke into it."""
+        """Adds a box of air (`wsim.Fluid`), corners `low` and `high` (3,) [m], cells of edge `cell` [m]; see `smoke_source`."""
         return self.add(method_file("Fluid", "objects").Fluid(path, low, high, cell, **more))
 
     def liquid(self, path: str, low, high, cell: float, **more) -> Any:
-        """Adds a box for liquid (`wsim.Liquid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; it is empty:
-        `liquid_source` fills it."""
+        """Adds an empty box for liquid (`wsim.Liquid`), corners `low` and `high` (3,) [m], cells of edge `cell` [m]."""
         return self.add(method_file("Liquid", "objects").Liquid(path, low, high, cell, **more))
 
     def mpm(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
@@ -256,9 +258,8 @@ class Scene(ArrayDataclass):
         return self.add(getattr(method_file(name, "objects"), name)(path, shape, **more))
 
     def pin(self, path: str, body, points, onto=None, **more) -> Pin:
-        """Holds points (k,), counted from 0, of a body with points, or its path; see `Pin` for the fields. onto: a collider, or
-        its path, with which they go from where they start; on skin each goes with its nearest face. As in
-        `scene.pin("/collar", cape, range(9), onto=man)`. Raises SceneError where that has no sense."""
+        """Holds points (k,), counted from 0, of a body, or its path; see `Pin`. onto: a collider, or its path, with which they
+        go; on skin each goes with its nearest face. As in `scene.pin("/collar", cape, range(9), onto=man)`."""
         pin = Pin(path, body if isinstance(body, str) else body.path, points, **more)
         if onto is not None:
             body = self._named(path, "body", pin.body, [*self.bodies(), *self.things("Rods")])
@@ -276,14 +277,13 @@ class Scene(ArrayDataclass):
     def force(self, path: str, body, points, force, weights=None) -> Load:
         """Adds a force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part
         of it on each (1 for each: all of it on every one)."""
-        weights = None if weights is None else np.broadcast_to(np.asarray(weights, np.float32), np.shape(points)).copy()
-        self.loads.append(Load(path, body if isinstance(body, str) else body.path, as_curve_over_time(force), points, weights))
+        share = None if weights is None else np.broadcast_to(np.asarray(weights, np.float32), np.shape(points)).copy()
+        self.loads.append(Load(path, getattr(body, "path", body), as_curve_over_time(force), points, share))
         return self.loads[-1]
 
     def traction(self, path: str, body, triangles, traction) -> Load:
         """Adds a traction [Pa], (3,) or a Curve, on triangles (m, 3) of a cloth or soft body (`surface_triangles_among`)."""
-        self.loads.append(Load(path, body if isinstance(body, str) else body.path, as_curve_over_time(traction),
-                               triangles=triangles))
+        self.loads.append(Load(path, getattr(body, "path", body), as_curve_over_time(traction), triangles=triangles))
         return self.loads[-1]
 
     def all_pins(self) -> list[Pin]:
@@ -291,7 +291,7 @@ class Scene(ArrayDataclass):
         return [pin for holder in (self, *self.things("Rods")) for pin in holder.pins]
 
     def single(self) -> "Scene":
-        """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
+        """Doubles rounded to float32, for a run in float32: rest lengths are those of the points that it begins with."""
         own = {name: [body_in_single_precision(thing) for thing in self.things(name)] for name in deforming_classes()}
         return replace(self, objects=self.objects | own, pins=[body_in_single_precision(pin) for pin in self.pins])
 

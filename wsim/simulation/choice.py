@@ -100,6 +100,8 @@ def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
         return SchemeChoice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
     if method and method.rebounds and method_colliders(scene):
         return replace(_choose_by_scene(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
+    if any(body.is_cluster for body in scene.bodies()):
+        return _choose_for_clusters(model, method)
     if scene.solver == "explicit" or (method and method.explicit):
         return _choose_explicit(model, method)
     if has_tets(scene):
@@ -113,6 +115,15 @@ def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
 
 def _choice_as_named(scene: Scene, solver: str, method: Integrator, why: str) -> SchemeChoice:
     return SchemeChoice(solver, method, scene.substeps * method.solves, scene.iterations, why)
+
+
+def _choose_for_clusters(model: Model, method: Integrator | None) -> SchemeChoice:
+    """Shape matching by XPBD's iterations, behind the Newton steps of soft bodies: XPBD has no tetrahedra."""
+    scene, solver = model.scene, "implicit" if model.scene.solver == "implicit" or has_tets(model.scene) else "xpbd"
+    if method or scene.solver != "auto":
+        return _choice_as_named(scene, solver, method or TABLE["backward_euler"], "the scene names it")
+    found = _choose_backward_euler(model, solver, min(scene.iterations, SOLVED) if has_tets(scene) else scene.iterations)
+    return replace(found, why="bodies keep their shape in clusters, which XPBD projects")
 
 
 def _choose_for_soft_bodies(model: Model, method: Integrator | None) -> SchemeChoice:

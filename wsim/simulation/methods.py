@@ -143,6 +143,7 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "aero": lambda b: "a cloth has drag or lift" if feels_air(b.scene) else "",
     "implicit": _reason_for_solver("implicit"),
     "xpbd": _reason_for_xpbd,
+    "shape_matching": lambda b: "bodies keep their shape in clusters" * any(body.is_cluster for body in b.scene.bodies()),
     "contact": _reason_for_contact,
     "selfcontact": lambda b: "surfaces collide with themselves" if has_self_collision(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
@@ -170,8 +171,8 @@ def build_method_of_row(row: MethodRow, b: Build) -> Method | None:
         if row.name == "selfcontact":
             raise gradient_refusal("surfaces",
                                    next(body.path for body in b.scene.bodies() if body.self_collision))
-        path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
-        raise gradient_refusal("method", path, method=row.name)
+        owned = b.scene.things((row.owns or ("Clusters",))[0])          # a method that owns nothing holds clusters together
+        raise gradient_refusal("method", owned[0].path if owned else "/", method=row.name.replace("_", " "))
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 

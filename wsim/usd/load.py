@@ -32,7 +32,7 @@ from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, loa
 from wsim.usd.settings import authored_frame_count, load_settings, refuse_units, warn_missing_time_range
 from wsim.usd.spelling import check_spelling, warn_missing_targets
 
-SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
+SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS, names.WSIM_SHAPES)
 
 
 @dataclass
@@ -145,15 +145,15 @@ def _load_deformable_body(reading: stages.StageReading, scene: Scene, prim: Usd.
         kind = "soft" if names.VOLUME_SIM in apis else "cloth"
         if (thing := import_module(f"wsim.usd.prims.{kind}").load_body(reading, prim, body)) is not None:
             scene.pins += load_painted(reading, prim, scene.add(thing))
-    elif names.WSIM_SPRINGS not in apis and (rods := method_file("Rods", "usd")).simulates(prim):
-        found = rods.load_rods(reading, prim, body)
+    else:
+        if names.WSIM_SHAPES in apis:
+            found = method_file("Clusters", "usd").load_body(reading, prim, body)
+        elif names.WSIM_SPRINGS not in apis and (rods := method_file("Rods", "usd")).simulates(prim):
+            found = rods.load_rods(reading, prim, body)
+        else:
+            found = import_module("wsim.usd.prims.springs").load_body(reading, prim, body)
         if found is not None:
             scene.add(found)
-    else:
-        from wsim.usd.prims.springs import load_body as load_springs
-        springs = load_springs(reading, prim, body)
-        if springs is not None:
-            scene.add(springs)
 
 
 def _classify_prims(reading: stages.StageReading) -> SortedPrims:

@@ -39,7 +39,7 @@ WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "W
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID, WSIM_ACTUATOR = ("WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI",
                                                          "WsimActuatorAPI")
 ACTUATORS = ("MjcActuator", "NewtonActuator")
-WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
+WSIM_SHAPES, WSIM_DOMAIN, WSIM_SOURCE = table.HELD, table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
 NEWTON_POINTS, NEWTON_MATERIAL, NEWTON_MPM_SCENE = "NewtonPointsDeformableSimAPI", "NewtonMPMMaterialAPI", "NewtonMPMSceneAPI"
 PHYSX_SET = "PhysxParticleSetAPI"
@@ -59,7 +59,7 @@ UNITS = {
     "kg": (0, 1),
     "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
     "K": (0, 0), "K/s": (0, 0), "1/K": (0, 0), "m^2/s": (2, 0), "kg m^2": (2, 1),
-    "kg/(m^2 s)": (-2, 1), "Pa s": (-1, 1), "m^3": (3, 0), "kg/s": (0, 1),
+    "1/s^2": (0, 0), "kg/(m^2 s)": (-2, 1), "Pa s": (-1, 1), "m^3": (3, 0), "kg/s": (0, 1),
 }
 
 
@@ -126,9 +126,8 @@ OTHERS = (
     AttributeEntry("Soft", "self_collision", WSIM_SOFT, "wsim:selfCollision", "bool", uniform=True),
 
     AttributeEntry("Part", "tets", "GeomSubset", "indices", "int[]"),
-    AttributeEntry("Part", "kind", "GeomSubset", "elementType", "token", uniform=True),
-    AttributeEntry("Part", "family", "GeomSubset", "familyName", "token", uniform=True),
-
+    *(AttributeEntry("Part", name, "GeomSubset", usd, "token", uniform=True) for name, usd in (
+        ("kind", "elementType"), ("family", "familyName"))),
     AttributeEntry("Pose", "points", f"{POSE}:bind", "physics:deformablePose:bind:points", "point3f[]", "m"),
     AttributeEntry("Pose", "purposes", f"{POSE}:bind", "physics:deformablePose:bind:purposes", "token[]", uniform=True),
 
@@ -139,6 +138,13 @@ OTHERS = (
     AttributeEntry("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
     AttributeEntry("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
 
+    *(AttributeEntry("Clusters", name, place, usd, kind, unit, kind in ("int[]", "bool") and place == WSIM_SHAPES)
+      for name, place, usd, kind, unit in (row.split() for row in (
+        "points Mesh points point3f[] m", "counts Mesh faceVertexCounts int[] 1", "indices Mesh faceVertexIndices int[] 1",
+        "velocities Mesh velocities vector3f[] m/s", f"rest_points {WSIM_SHAPES} wsim:restPoints point3f[] m",
+        *(f"{name} {WSIM_SHAPES} wsim:{usd}" for name, usd in (
+          ("masses", "masses float[] kg"), ("sizes", "clusterSizes int[] 1"), ("members", "clusterMembers int[] 1"),
+          ("self_collision", "selfCollision bool 1")))))),
     AttributeEntry("Rods", "points", "BasisCurves", "points", "point3f[]", "m"),
     AttributeEntry("Rods", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
     AttributeEntry("Rods", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
@@ -172,15 +178,10 @@ OTHERS = (
 
     AttributeEntry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
     AttributeEntry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
-    AttributeEntry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
-    AttributeEntry("Fluid", "layers", WSIM_DOMAIN, "wsim:fluid:layers", "bool", uniform=True),
-    AttributeEntry("Fluid", "advection", WSIM_DOMAIN, "wsim:fluid:advection", "token", uniform=True),
-    AttributeEntry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
-    AttributeEntry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),
-    AttributeEntry("Fluid", "steps", WSIM_DOMAIN, "wsim:fluid:steps", "int", uniform=True),
-    AttributeEntry("Fluid", "margin", WSIM_DOMAIN, "wsim:fluid:margin", "double", uniform=True),
-    AttributeEntry("Fluid", "conserve", WSIM_DOMAIN, "wsim:fluid:conserve", "bool", uniform=True),
-    AttributeEntry("Fluid", "most_steps", WSIM_DOMAIN, "wsim:fluid:mostSteps", "int", uniform=True),
+    *(AttributeEntry("Fluid", name, WSIM_DOMAIN, f"wsim:fluid:{usd}", kind, uniform=True) for name, usd, kind in (
+        ("slip", "slip", "bool"), ("layers", "layers", "bool"), ("advection", "advection", "token"),
+        ("scalar_advection", "scalarAdvection", "token"), ("pressure", "pressure", "token"), ("steps", "steps", "int"),
+        ("margin", "margin", "double"), ("conserve", "conserve", "bool"), ("most_steps", "mostSteps", "int"))),
     AttributeEntry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
     AttributeEntry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),
     AttributeEntry("Fluid", "temperature", WSIM_DOMAIN, "wsim:fluid:startTemperature", "float[]"),
@@ -233,7 +234,7 @@ def value_attribute_entries() -> list[AttributeEntry]:
     return list(found.values())
 
 
-HOLDERS = {"Cloth": "Fabric", "Soft": "Bulk", "Springs": "Friction", "Collider": "Friction"}
+HOLDERS = {"Cloth": "Fabric", "Soft": "Bulk", "Springs": "Friction", "Clusters": "Friction", "Collider": "Friction"}
 TABLE = (*OTHERS, *value_attribute_entries())
 # primvars wsim:<name> of values with one number for each element, and their units (`wsim.usd.result.fields`)
 PER_TET = {v.name: v.unit for v in table.values_of_class("Soft").values() if v.each and v.form == "number"}

@@ -18,6 +18,7 @@ FIELDS = dict.fromkeys(names.PER_TET, names.VOLUME_SIM) | dict.fromkeys(
 # what must be the type of a prim, or applied to it, for the attributes of a schema of wsim to be read
 PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material", names.WSIM_CLOTH: names.SURFACE_SIM,
           names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,
+          names.WSIM_SHAPES: names.WSIM_SHAPES,
           names.WSIM_RODS: names.CURVES_SIM, names.WSIM_ATTACHMENT: names.ATTACHMENT, names.WSIM_LOAD: names.WSIM_LOAD,
           names.WSIM_RIGID: names.RIGID_BODY, names.WSIM_ACTUATOR: names.WSIM_ACTUATOR,
           names.WSIM_DOMAIN: names.WSIM_DOMAIN, names.WSIM_SOURCE: names.WSIM_SOURCE,

@@ -11,7 +11,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from wsim.scene import Cloth, Collider, Deformable, Load, Pin, Problem, Scene, SceneError, Soft, Springs, Tie, Varying
 from wsim.scene.check.scene import check_scene
 from wsim.scene.fabric import Fabric
-from wsim.scene.methods import each_method_object, owning_method, point_objects, scene_skins
+from wsim.scene.methods import each_method_object, method_file, owning_method, point_objects, scene_skins
 from wsim.scene.solid import Bulk
 from wsim.scene.values import table
 from wsim.usd import names
@@ -58,6 +58,8 @@ def _author_scene(stage: Usd.Stage, scene: Scene, units: StageUnits) -> None:
             author_springs(stage, thing, materials.of(thing), units, scene.frames)
         elif isinstance(thing, Soft):
             _author_soft(stage, thing, materials, taken, units, scene.frames)
+        elif getattr(thing, "is_cluster", False):
+            method_file("Clusters", "usd").author_clusters(stage, thing, materials.of(thing), units, scene.frames)
         elif isinstance(thing, Tie):
             author_tie(stage, thing, by_path[thing.body], carriers.get(thing.other) if thing.others is None else None, units)
         elif isinstance(thing, Load):

@@ -220,7 +220,7 @@ class ContactMethod(Method):
             self.prolonged.connect_ports(others)
         terms, adjoint = others.ports.newton_terms, others.ports.solve_adjoint
         surfaces = others.ports.self_contact is not None          # which Newton steps solve for, but beside strands
-        trailed = bool(others.ports.xpbd_batches or surfaces and others.ports.strands)
+        trailed = bool(others.ports.xpbd_batches or others.ports.shape_matching or surfaces and others.ports.strands)
         if terms is None:
             return
         from wsim.physics.solver.contact.active_set import ActiveSet  # Newton steps hold contacts themselves

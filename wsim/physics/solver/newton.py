@@ -89,7 +89,7 @@ class Implicit(Method):
 
     def connect_ports(self, others: Methods) -> None:
         """Tethers and strain limits are projected behind the last step; muscles give rest lengths."""
-        self.behind = bool(others.ports.xpbd_batches)
+        self.behind = bool(others.ports.xpbd_batches or others.ports.shape_matching)
         if muscles := others.ports.muscles:
             self.present = muscles.present
         if not others.ports.contacts:

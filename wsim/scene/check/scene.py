@@ -128,6 +128,11 @@ def _check_solver_choice(scene: Scene) -> Iterator[Problem]:
     if solids and scene.solver == "xpbd":
         yield thing_error("/", f"solver xpbd has no tetrahedra, of which {solids[0]} is made",
                            ", ".join(SOFT_SOLVERS), "choose one of them")
+    held = [body.path for body in scene.bodies() if body.is_cluster]
+    if held and (scene.solver == "explicit" or scene.integrator in TABLE and TABLE[scene.integrator].explicit):
+        yield thing_error("/", f"explicit steps have no shape matching, which holds {held[0]} together",
+                           "solver auto, xpbd or implicit", "choose one of them")
+        return
     named = TABLE.get(scene.integrator)
     if has_self_collision(scene) and named and named.solves > 1:
         path = next(body.path for body in scene.bodies() if body.self_collision)

@@ -14,7 +14,7 @@ ANY, POSITIVE, LIMIT = ValueRange(-inf), ValueRange(strict=True), ValueRange(end
 LOG, PLAIN, HALF, RATIO = (ThetaMap("log"), ThetaMap("plain", high=LARGE), ThetaMap("bounded", 0.0, 0.5),
                            ValueRange(-1.0, True, 0.5))
 STEEP = ThetaMap("bounded", 0.0, 0.5 * pi)
-BODIES = ("Cloth", "Springs", "Soft")
+BODIES, HELD = ("Cloth", "Springs", "Soft"), "WsimShapeMatchingAPI"
 
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
 OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
@@ -23,6 +23,7 @@ LIQUID, POUR = "WsimLiquidDomainAPI", "WsimLiquidSourceAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
+STEPPED = "gradients do not go through shape matching"
 FIXED, AIRY = "fixed while a scene runs", "it says how a fluid is solved, or what its pressures are"
 PARTS = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}    # values of a parameter
 
@@ -51,6 +52,9 @@ VALUES: list[ValueRow] = [
              usd=UsdAttribute("WsimSoftAPI", "wsim:pressure"), gradient="material"),
     ValueRow("Springs", "stiffness", "N/m", POSITIVE, varies=True, stiffens=True, fit=LOG, each=PerElementFit("springs", LOG),
              usd=UsdAttribute("WsimSpringsAPI", "wsim:stiffness", "float[]"), gradient="material"),
+    ValueRow("Clusters", "stiffness", "1/s^2", ValueRange(strict=True, endless=True), varies=True,
+             usd=UsdAttribute(HELD, "wsim:stiffness"), why=STEPPED),
+    ValueRow("Clusters", "damping", "s", varies=True, needs=("start",), usd=UsdAttribute(HELD, "wsim:damping"), why=STEPPED),
     *(ValueRow(owner, "damping", "s", tets=owner == "Soft", varies=True, stiffens=True,
                needs=("start", "alone") if owner == "Soft" else ("start",), fit=LOG, usd=UsdAttribute(schema, "wsim:damping"),
                gradient="material") for owner, schema in DAMPING.items()),
@@ -60,9 +64,10 @@ VALUES: list[ValueRow] = [
     *(ValueRow(owner, "mass", "kg", POSITIVE, live=False, why=f"{FIXED}; take density, or masses()",
                mend="author physics:mass, or leave it to the density") for owner in ("Cloth", "Soft")),
     *(ValueRow(owner, f"{kind}_friction", "1", varies=True, needs=("collider", "alone"),
-               fit=None if owner == "Springs" else LOG,
-               usd=UsdAttribute(RUB, f"physics:{kind}Friction", "float"), gradient="contact")
-      for kind in ("static", "dynamic") for owner in (*BODIES, "Collider")),
+               fit=None if owner in ("Springs", "Clusters") else LOG,
+               usd=UsdAttribute(RUB, f"physics:{kind}Friction", "float"), gradient="" if owner == "Clusters" else "contact",
+               why=STEPPED if owner == "Clusters" else "")
+      for kind in ("static", "dynamic") for owner in (*BODIES, "Clusters", "Collider")),
     ValueRow("Collider", "thickness", "m", varies=True, usd=UsdAttribute("WsimColliderAPI", "wsim:thickness"),
              gradient="contact"),
     ValueRow("Collider", "restitution", "1", ValueRange(high=1.0, closed=True), varies=True, needs=("throws",),
@@ -163,6 +168,13 @@ VALUES: list[ValueRow] = [
     ValueRow("Cloth", "weld", "m", live=False, usd=UsdAttribute(FLAT, "wsim:weld", uniform=True),
              why="it says which points are one"),
     ValueRow("Springs", "radius", "m", live=False, usd=UsdAttribute("WsimSpringsAPI", "wsim:radius"), why=FIXED),
+    *(ValueRow("Clusters", name, unit, ValueRange(strict=name == "spacing", endless=name in ("spacing", "yield_strain",
+                                                                                         "max_strain")),
+               live=False, usd=UsdAttribute(HELD, f"wsim:{usd}", uniform=name in ("spacing", "overlap")), why=FIXED)
+      for name, usd, unit in (("spacing", "clusterSpacing", "m"), ("overlap", "clusterOverlap", "1"), ("creep", "creep", "1/s"),
+                              ("yield_strain", "yieldStrain", "1"), ("max_strain", "maxStrain", "1"),
+                              ("radius", "radius", "m"))),
+    ValueRow("Clusters", "mass", "kg", POSITIVE, live=False, why=FIXED, mend="author physics:mass"),
     ValueRow("Pin", "stiffness", "N/m", ValueRange(strict=True, endless=True), live=False,
              usd=UsdAttribute("PhysicsAttachment", "physics:stiffness", "float"), why=f"{FIXED}, and no input; take pin()",
              mend="author physics:stiffness; inf for a hard pin"),

@@ -44,6 +44,8 @@ def gather_indicators(plan: SimulationPlan, x: np.ndarray, v: np.ndarray) -> dic
     out = _indicators_of_points(plan, x, v) if plan.model.bodies else {}
     for method in plan.methods:
         out |= method.indicators(x, v)
+    if "shape_energy" in out:
+        out["elastic_energy"] = out.get("elastic_energy", 0.0) + out["shape_energy"]
     if plan.model.bodies:
         out["energy"] = out["kinetic_energy"] + out["gravity_energy"] + out.get("elastic_energy", 0.0)
     return out

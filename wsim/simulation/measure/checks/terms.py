@@ -65,6 +65,9 @@ class EnergyTerms:
         least = 0.0 if self.solver == "xpbd" else 1.0
         for table in self.stored(methods):
             self.add_stored_energy(table, least)
+        for make in methods.ports.energy_terms:
+            self.each.append(make(self.threads))
+            self.kernels.append(ledger.store_energy)
 
     def stored(self, methods: Methods) -> list:
         """Tables of what stores elastic energy: of XPBD in one world its own, in the order of colours."""
