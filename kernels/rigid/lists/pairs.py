@@ -6,8 +6,10 @@ Of shapes i < j: not both of colliders, not of one body, of one world (or all), 
 
 and boxes about them that overlap, which Warp's trees find: one of the shapes of bodies, built anew each time, one of colliders,
 built once if they stand. A thread takes shape i of a body and counts, then, behind a scan, writes its partners and sorts them:
-the list is sorted, and the same from run to run. What has no end (planes) is no leaf; all try it, by the height above it.
-A body that goes farther than its way, after a blow, says so (`body_straying_func`): then the list is made anew before its time.
+the list is sorted, and the same from run to run. Worlds lie in each other: each is a group of the tree. Where a world has few
+shapes, a table of pairs takes the place of trees (world_pairs.py). What has no end (planes) is no leaf; all try it, by the
+height above it. A body that goes farther than its way, after a blow, says so (`body_straying_func`): then the list is made anew
+before its time.
 Places are float64 sums of the bodies' origins and displacements; boxes are float32, from the first origin, and widened by what
 that rounds.
 """
@@ -33,6 +35,7 @@ def shape_tree_type(filtered: bool = False):
     @wp.struct
     class ShapeTree:
         id: wp.uint64                          # of shapes of bodies
+        grouped: int                           # 1: by worlds
         still: wp.uint64                       # of colliders; 0: none
         low: wp.array(dtype=wp.vec3f)          # of all shapes, bodies' first
         high: wp.array(dtype=wp.vec3f)
@@ -42,6 +45,7 @@ def shape_tree_type(filtered: bool = False):
     @wp.struct
     class FilteredTree:
         id: wp.uint64
+        grouped: int
         still: wp.uint64
         low: wp.array(dtype=wp.vec3f)
         high: wp.array(dtype=wp.vec3f)
@@ -156,19 +160,31 @@ def body_straying_func(real):
 
 
 def prefix_sum_kernel(module):
-    """Kernel of one thread: first_out[i] is the sum of count[0] .. count[i]."""
-    def rigid_summed(count: wp.array(dtype=int), first_out: wp.array(dtype=int)):
+    """Kernel over threads with an equal part of the counts each: first_out[i] is the sum of count[0] .. count[i]. Without
+    `write` each leaves the sum of its part in `sums`, with it the sums up to each place. One thread needs the second alone."""
+    def rigid_summed(count: wp.array(dtype=int), threads: int, write: int, sums: wp.array(dtype=int),
+                     first_out: wp.array(dtype=int)):
+        t = wp.tid()
+        each = (count.shape[0] + threads - 1) // threads
         sum = int(0)
-        for i in range(count.shape[0]):
+        if write == 1:
+            for before in range(t):
+                sum += sums[before]
+        for i in range(t * each, wp.min((t + 1) * each, count.shape[0])):
             sum += count[i]
-            first_out[i] = sum
+            if write == 1:
+                first_out[i] = sum
+        if write == 0:
+            sums[t] = sum
 
     return wp.kernel(rigid_summed, name="rigid_summed", module=module, enable_backward=False)
 
 
-def pair_list_kernel(real, module, filtered: bool = False):
-    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room.
-    filtered: less those that do not touch."""
+@cache
+def pair_row_functions(real, filtered: bool = False):
+    """append(i, j, at, write, tree, rig) -> how many rows the pair of shapes i < j takes, 0 where it cannot meet; they are
+    written at their place then, where there is room. end(i, first, rig, wanted): rows behind the list hold no pair, by all
+    threads i, and `wanted` how many rows there would be."""
     Rig, Tree, parted = rig_type(real), shape_tree_type(filtered), pair_filter_func(filtered)
 
     @wp.func(inline=False)
@@ -197,7 +213,6 @@ def pair_list_kernel(real, module, filtered: bool = False):
 
     @wp.func
     def append_pair_rows(i: int, j: int, at: int, write: int, tree: Tree, rig: Rig):
-        """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
             if shapes_may_meet(i, j, tree, rig) and not parted(i, j, tree):
@@ -209,6 +224,23 @@ def pair_list_kernel(real, module, filtered: bool = False):
                         rig.c.a[row] = i
                         rig.c.b[row] = j
         return taken
+
+    @wp.func
+    def end_pair_rows(i: int, first: wp.array(dtype=int), rig: Rig, wanted: wp.array(dtype=int)):
+        shapes = first.shape[0]
+        all = first[shapes - 1]
+        for m in range(all + i, rig.c.a.shape[0], shapes):
+            rig.c.a[m] = -1
+        if i == 0:
+            wanted[0] = wp.max(wanted[0], all)
+
+    return append_pair_rows, end_pair_rows
+
+
+def pair_list_kernel(real, module, filtered: bool = False):
+    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room.
+    filtered: less those that do not touch."""
+    Rig, Tree, (append_rows, end_rows) = rig_type(real), shape_tree_type(filtered), pair_row_functions(real, filtered)
 
     @wp.func
     def sort_partners(first: int, last: int, b: wp.array(dtype=int)):
@@ -228,29 +260,27 @@ def pair_list_kernel(real, module, filtered: bool = False):
         at = int(0)
         if write == 1 and i > 0:
             at = first[i - 1]
-        shapes = first.shape[0]
         for e in range(tree.endless.shape[0]):
-            found += append_pair_rows(i, tree.endless[e], at + found, write, tree, rig)
+            found += append_rows(i, tree.endless[e], at + found, write, tree, rig)
         ids = int(2)
         for which in range(ids):
             id = tree.id
+            root = int(-1)
             if which == 1:
                 id = tree.still
+            elif tree.grouped == 1:
+                root = wp.bvh_get_group_root(id, rig.s.world[i])
             if id != wp.uint64(0):
-                query = wp.bvh_query_aabb(id, tree.low[i], tree.high[i])
+                query = wp.bvh_query_aabb(id, tree.low[i], tree.high[i], root)
                 e = int(0)
                 while wp.bvh_query_next(query, e):
-                    j = e + which * shapes
+                    j = e + which * first.shape[0]
                     if rig.work.span[j][0] >= real(0.0):
-                        found += append_pair_rows(i, j, at + found, write, tree, rig)
-        room = rig.c.a.shape[0]
+                        found += append_rows(i, j, at + found, write, tree, rig)
         if write == 0:
             count[i] = found
         else:
-            sort_partners(at, wp.min(at + found, room), rig.c.b)
-            if i == shapes - 1:
-                wanted[0] = wp.max(wanted[0], at + found)
-                for m in range(at + found, room):
-                    rig.c.a[m] = -1
+            sort_partners(at, wp.min(at + found, rig.c.a.shape[0]), rig.c.b)
+            end_rows(i, first, rig, wanted)
 
     return wp.kernel(rigid_pairs, name="rigid_pairs", module=module, enable_backward=False)

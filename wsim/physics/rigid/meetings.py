@@ -15,6 +15,7 @@ from wsim.physics.rigid.solids import (
 )
 from wsim.scene import Collider
 
+FEW = 64                   # shapes of a world, with colliders, up to which near pairs come from a table, not from trees
 
 def meeting_shape_kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
     """Kinds of shapes that can meet, pairs with a mesh among them."""
@@ -83,6 +84,18 @@ def collider_places_in_body(masses: list, colliders: list[Collider], centers: np
     return np.concatenate([quat_rotate(back, x - center), quat_product(back, matrix_quat(M[:, :3, :3]))], axis=1)
 
 
+def body_contact_shapes(owners: list[tuple[int, int, Collider]]) -> list:
+    """The `ContactShape` of each (body, world, collider): those of all worlds are the same."""
+    found = {key: contact_shape_of(c, True) for key, c in {id(c): c for *_, c in owners}.items()}
+    return [found[id(c)] for *_, c in owners]
+
+
+def contact_shape_figures(shapes: list) -> list[tuple]:
+    """(core, size, ball, skin) of `ContactShape`s, a tuple each, in turn."""
+    once = {key: (met.core, met.size, met.ball, met.skin) for key, met in {id(met): met for met in shapes}.items()}
+    return list(zip(*(once[id(met)] for met in shapes), strict=True))
+
+
 def contact_signature(b) -> list:
     """What of a scene with contacts of bodies decides its kernels."""
     from wsim.physics.rigid.forms import choose_pass_form
@@ -90,7 +103,8 @@ def contact_signature(b) -> list:
     own = [c for body in b.scene.things("Body") for c in solids.body_contact_parts(body)]
     form = choose_pass_form(b.model.device, b.model.worlds * len(own) + len(solids.scene_contact_colliders(b.scene.colliders)))
     filtered, joined = any(map(b.scene.things, ("Group", "FilteredPairs"))), bool(solids.enabled_joints(b.scene))
-    said = [sorted(meeting_shape_kinds(b.scene.things("Body"), b.scene.colliders)), sorted(flush_collider_kinds(b.scene)),
+    few = len(own) + len(solids.scene_contact_colliders(b.scene.colliders)) <= FEW
+    said = [few, sorted(meeting_shape_kinds(b.scene.things("Body"), b.scene.colliders)), sorted(flush_collider_kinds(b.scene)),
             solids.bodies_have_meshes(b.scene),
             has_restitution(b.scene), form.name, form.blocks, solids.bodies_may_sleep(b.scene), filtered, joined,
             b.scene.contact_tolerance > 0.0]

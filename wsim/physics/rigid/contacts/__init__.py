@@ -44,7 +44,8 @@ class RigidContactTables:
     def __init__(self, b, method):
         self.model, self.status, self.method = b.model, b.status, method
         self.colliders, self.real, self.device = scene_contact_colliders(b.scene.colliders), b.model.real, b.model.device
-        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in body_contact_parts(body)]
+        parts = {id(body): body_contact_parts(body) for body in b.scene.things("Body")}
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in parts[id(body)]]
         if not self.owners:                       # strands alone hold them: tables need a row, which meets nothing
             self.owners, self.colliders = [(0, 0, Collider("", Sphere(1e-3)))], []
         self.still_first, self.frames = len(method.bodies), len(method.bodies) + len(self.colliders)
@@ -66,8 +67,8 @@ class RigidContactTables:
         own = shared("rigid_meshes", *sorted(on_meshes), lanes, *["of bodies"] * self.mesh_bodies) if on_meshes else None
         self.on_meshes = own and collide_mesh.collide_mesh(on_meshes, real, own, lanes, self.mesh_bodies)
         self.flush = flush.flush_seam_kernels(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
-        own = method.joints.contact_form() if method.joints else None
-        self.form: forms.ContactPassForm = own or forms.choose_pass_form(b.model.device, self.shapes)
+        form = method.joints.contact_form() if method.joints else None
+        self.form: forms.ContactPassForm = form or forms.choose_pass_form(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
             method.sleep.make(self.form)
@@ -86,12 +87,13 @@ class RigidContactTables:
     def _upload_shape_table(self) -> None:
         method, real = self.method, self.real
         self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
-        owned = [(k, world, c, contact_shape_of(c, True)) for k, world, c in self.owners]
+        owned = list(zip(*zip(*self.owners, strict=True), meetings.body_contact_shapes(self.owners), strict=True))
         owned += [(self.still_first + s, -1, c, contact_shape_of(c, False)) for s, c in enumerate(self.colliders)]
         rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
         self.named = [(method.bodies[k][0].path if k < self.still_first else c.path, world) for k, world, c, _ in rows_of]
         mine, forms_of = len(self.owners), [met for *_, met in rows_of]         # shapes of bodies come first
         centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
+        cores, sizes, balls, skins = meetings.contact_shape_figures(forms_of)
         places = np.concatenate([meetings.collider_places_in_body([method.masses[k] for k, _, _ in self.owners],
                                                          [c for _, _, c in self.owners], centers[:mine]),
                                  np.hstack([centers[mine:], np.tile([0.0, 0, 0, 1], (len(forms_of) - mine, 1))])])
@@ -110,10 +112,9 @@ class RigidContactTables:
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = fill_struct(
             Shapes, frame=array([k for k, *_ in rows_of], int), world=array([w for _, w, *_ in rows_of], int),
-            kind=array([KINDS[met.kind] for met in forms_of], int), core=array([met.core for met in forms_of], t.vec4),
+            kind=array([KINDS[met.kind] for met in forms_of], int), core=array(cores, t.vec4),
             row=array([number.get(k, 0) for k in range(len(rows_of))], int),
-            size=array([met.size for met in forms_of], t.vec3), place=array(places, t.transform),
-            ball=array([met.ball for met in forms_of], real), skin=array([met.skin for met in forms_of], real),
+            size=array(sizes, t.vec3), place=array(places, t.transform), ball=array(balls, real), skin=array(skins, real),
             friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in with_worlds], t.vec2),
             restitution=array([c.restitution for *_, c, _ in with_worlds], real), still=mine,
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
@@ -135,12 +136,12 @@ class RigidContactTables:
         self.work = fill_struct(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
                                 **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
                                 **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},
-                                **{name: zeros(n, t.vec3) for name in ("p0", "L0")},
-                                **{name: zeros(n, int) for name in ("touched", "first")},
+                                p0=zeros(n, t.vec3), L0=zeros(n, t.vec3), touched=zeros(n, int), first=zeros(n, int),
                                 **{name: zeros(room, int) for name in ("renewed", "order")},
                                 **{name: zeros(SERIAL + 2, int) for name in ("starts", "place")},
                                 A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
                                 node=self.model.upload((joints.colour_nodes if joints else np.int32)(np.arange(n)), int),
+                                **(joints.contact_arrays(room) if joints else {}),
                                 colours=zeros(1, int), flags=zeros(2, int), residual=zeros(2, real),
                                 g=float(np.linalg.norm(self.model.scene.gravity)) or WEIGHT)
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
@@ -214,8 +215,7 @@ class RigidContactTables:
 
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
-        listed = 7 + 2 * self.moves + 2 * bool(self.method.sleep)
-        each = 1 + bool(self.on_meshes) + len(self.flush)
+        listed, each = 7 + 2 * self.moves + 2 * bool(self.method.sleep), 1 + bool(self.on_meshes) + len(self.flush)
         return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set_value(self, path: str, name: str, value, world: int | None) -> bool:

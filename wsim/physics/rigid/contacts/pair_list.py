@@ -6,13 +6,17 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists import pairs
+from wsim.kernels.rigid.lists import pairs, world_pairs
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.structs import fill_struct
+from wsim.physics.rigid.meetings import FEW
+
+SUMMING = {True: 1024, False: 1}                 # threads that sum counts within a graph: CUDA, CPU
 
 
 class PairList:
-    """Trees of the bounds of shapes, of bodies and of colliders, and the launches that list pairs.
+    """Bounds of shapes, of bodies and of colliders, and the launches that list pairs: by trees, or by a table of a world's
+    pairs (near), where its shapes are few.
 
     contacts: `wsim.physics.rigid.contacts.RigidContactTables`, whose tables of shapes are there. first (shapes of bodies,):
     number of pairs up to each shape. arrays: what kernels note of shapes and bodies, for `Work` of kernels/rigid/contact.py."""
@@ -22,22 +26,29 @@ class PairList:
         real, device = contacts.real, contacts.device
         t, n, mine, shapes = types(real), contacts.frames, len(contacts.owners), contacts.shapes
         self.mine, self.shapes = mine, shapes
-        self.reach, self.listed = (make(real, module, filters is not None)
-                                   for make in (pairs.shape_reach_kernel, pairs.pair_list_kernel))
-        self.summed = pairs.prefix_sum_kernel(module)
+        self.near = self.world_pair_table()
+        if self.near:
+            filters = None                                    # the table is without them
+        self.reach = pairs.shape_reach_kernel(real, module, filters is not None)
+        self.listed = (world_pairs.world_pair_kernel(real, module) if self.near
+                       else pairs.pair_list_kernel(real, module, filters is not None))
+        self.summed, self.summing = pairs.prefix_sum_kernel(module), SUMMING[device.is_cuda]
 
         def zeros_for_trees(length, dtype):
             return wp.zeros(length, dtype=dtype, device=device)
         low, high, up = (zeros_for_trees(shapes, wp.vec3f) for _ in range(3))
-        self.bvh = wp.Bvh(low[:mine], high[:mine])
         endless = np.flatnonzero(contacts.table.ball.numpy() < 0.0).astype(np.int32)
-        self.still = wp.Bvh(low[mine:], high[mine:]) if shapes - mine > len(endless) else None
+        self.bvh = self.still = None
+        grouped = self.model.worlds > 1 and not self.near
+        if not self.near:
+            self.bvh = wp.Bvh(low[:mine], high[:mine], groups=wp.clone(contacts.table.world[:mine]) if grouped else None)
+            self.still = wp.Bvh(low[mine:], high[mine:]) if shapes - mine > len(endless) else None
         more = {n: wp.array(v, dtype=int, device=device) for n, v in (filters.tables if filters else {}).items()}
-        self.tree = fill_struct(pairs.shape_tree_type(bool(more)), **more, id=self.bvh.id,
-                                still=self.still.id if self.still else 0,
+        self.tree = fill_struct(pairs.shape_tree_type(bool(more)), **more, id=self.bvh.id if self.bvh else 0,
+                                still=self.still.id if self.still else 0, grouped=int(grouped),
                                 low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=device))
         arm, slack = self.extents()
-        self.number, self.first = zeros_for_trees(mine, int), zeros_for_trees(mine, int)
+        self.number, self.first, self.sums = (zeros_for_trees(size, int) for size in (mine, mine, self.summing))
         self.arrays: dict[str, Any] = {
             "center": zeros_for_trees(shapes, wp.vec3d), "span": zeros_for_trees(shapes, t.vec2),
             "from_x": zeros_for_trees(n, t.vec3),
@@ -55,6 +66,27 @@ class PairList:
             arm[k], slack[k] = max(arm[k], turned), min(slack[k], float(pairs.SLACK) * ball[i])
         return arm, slack
 
+    def world_pair_table(self) -> Any:
+        """Pairs of shapes of the first world that may ever touch (kernels/rigid/lists/world_pairs.py); None where they are
+        many, or worlds are not alike."""
+        contacts, worlds = self.contacts, self.model.worlds
+        own, stills = self.mine // worlds, self.shapes - self.mine
+        number = {body.path: k for k, (body, world) in enumerate(contacts.method.bodies) if world == 0}
+        names = [(contacts.method.bodies[k][0].path, c.path) for k, _, c in contacts.owners]
+        if own + stills > FEW or names != names[:own] * worlds or [w for _, w, _ in contacts.owners] != [
+                w for w in range(worlds) for _ in range(own)]:
+            return None
+        body = np.array([number[path] for path, _ in names[:own]] + [-1] * stills)
+        apart = body[:own, None] == body
+        if contacts.filters:
+            rows = np.r_[:own, self.mine:self.shapes]
+            apart |= contacts.filters.parts_pairs(rows)[:own]
+        i, j = np.nonzero(np.triu(~apart, 1))
+        first = np.searchsorted(i, np.arange(own + 1))
+        tables = {"first": first, "other": j}
+        return fill_struct(world_pairs.WorldPairs, **{name: wp.array(value.astype(np.int32), dtype=int, device=contacts.device)
+                                                      for name, value in tables.items()})
+
     def place_colliders(self, k: int, time: float, anew: bool = True) -> None:
         """Bounds of colliders at substep k, and how far they go within a time [s]; anew: builds their tree, else refits it."""
         self.model.launch(self.reach, self.shapes - self.mine, [self.contacts.rig(), self.mine, k, time], [self.tree])
@@ -68,11 +100,14 @@ class PairList:
         if self.contacts.moves:
             self.place_colliders(k, time, anew)
         launch(self.reach, self.mine, [rig, 0, k, time], [self.tree])
-        (self.bvh.rebuild if anew else self.bvh.refit)()
+        if self.bvh:
+            (self.bvh.rebuild if anew else self.bvh.refit)()
+        near = [self.near] if self.near else []
         for write in (0, 1):
-            launch(self.listed, self.mine, [rig, self.tree, self.first, write], [self.number, wanted])
+            launch(self.listed, self.mine, [rig, self.tree, *near, self.first, write], [self.number, wanted])
             if not write and anew:
                 wp.utils.array_scan(self.number, self.first, True)
             elif not write:
-                launch(self.summed, 1, [self.number], [self.first])
+                for step in ((0, 1) if self.summing > 1 else (1,)):
+                    launch(self.summed, self.summing, [self.number, self.summing, step], [self.sums, self.first])
         self.arrays["strayed"].fill_(1)

@@ -194,6 +194,10 @@ class DeviceJoints:
         """The `ContactPassForm` that these joints need, None: any."""
         return None
 
+    def contact_arrays(self, room: int) -> dict[str, Any]:
+        """What these joints' kernels note of so many manifolds, by name in their table."""
+        return {}
+
     def with_contacts(self, work) -> Any:
         """`linked`, knowing which bodies contacts have touched."""
         self.linked.touched = work.touched

@@ -102,6 +102,13 @@ class CollisionFilters:
     first: np.ndarray
     parted: np.ndarray
 
+    def parts_pairs(self, rows: np.ndarray) -> np.ndarray:
+        """Symmetric table of those shapes: True where two of them do not touch."""
+        found = self.table[np.ix_(self.kind[rows], self.kind[rows])].copy()
+        for k, row in enumerate(rows.tolist()):
+            found[k] |= np.isin(rows, self.parted[self.first[row]:self.first[row + 1]])
+        return found
+
     @property
     def tables(self) -> dict[str, np.ndarray]:
         """Tables as kernels/rigid/lists/pairs.py has them."""
@@ -134,10 +141,10 @@ def _filter_kinds(scene: Scene, paths: list[str]) -> tuple[np.ndarray, np.ndarra
     """Shapes that are in the same groups are of a kind."""
     groups: list[Group] = scene.things("Group")
     between = filtered_group_table(scene)
-    of = [frozenset(k for k, g in enumerate(groups) if any(at_or_below(p, m) for m in g.members)) for p in paths]
-    kinds = sorted(set(of), key=sorted)
+    of = {p: frozenset(k for k, g in enumerate(groups) if any(at_or_below(p, m) for m in g.members)) for p in set(paths)}
+    kinds = sorted(set(of.values()), key=sorted)
     table = np.array([[any(between[a, b] for a in one for b in other) for other in kinds] for one in kinds], bool)
-    return np.array([kinds.index(each) for each in of], int), table.reshape(len(kinds), len(kinds))
+    return np.array([kinds.index(of[p]) for p in paths], int), table.reshape(len(kinds), len(kinds))
 
 
 def _filtered_shape_pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Iterator[tuple[int, int]]:
@@ -161,4 +168,9 @@ def _filtered_shape_pairs(scene: Scene, shapes: list[tuple[str, int]], frames: l
             sides = [body.get(b, []) if b else fixed for b in (joint.body0, joint.body1)]
             wanted.append((sides[0], sides[1]))
     for one, other in wanted:
-        yield from ((i, j) for i in one for j in other if shapes[i][1] == shapes[j][1] or -1 in (shapes[i][1], shapes[j][1]))
+        of: dict[int, list[int]] = {}
+        for j in other:
+            of.setdefault(shapes[j][1], []).append(j)
+        for i in one:
+            world = shapes[i][1]
+            yield from ((i, j) for j in (other if world < 0 else of.get(world, []) + of.get(-1, [])))
