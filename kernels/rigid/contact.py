@@ -117,6 +117,8 @@ def rigid_contact_structs(real):
         now: wp.array(dtype=real)              # gap
         K: wp.array(dtype=t.vec3)              # across n, see kernels/rigid/impulse.py
         A: wp.array(dtype=t.mat44)             # along n, of manifolds
+        slip_by_push: wp.array(dtype=t.vec2)   # of trees, (16 room,), of points i, e: slip of i by an impulse along n at e
+        slip_by_rub: wp.array(dtype=t.mat22)     # (6 room,), of e < i: slip of i by an impulse along the tangents at e
         goal: wp.array(dtype=real)             # velocity along n behind an impact; < 0: none
         hit: wp.array(dtype=real)              # impulses of it
         when: wp.array(dtype=real)             # [s] from now until then

@@ -16,7 +16,7 @@ from wsim.kernels.rigid.joint.coordinates import CONE, swing_twist_angles, swing
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tables import ACCELERATION, NONE
 from wsim.kernels.rigid.joint.tree.kinematics import coordinate_quaternion
-from wsim.kernels.rigid.joint.tree.lanes import greatest_of_lanes, tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.lanes import greatest_of_lanes, has_many_lanes, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.loops.impulses import loop_column_share
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees
@@ -127,11 +127,9 @@ def row_drive(j: int, r: int, k: int, part: wp.float64, J: Linked):
 
 @standalone_function
 @wp.func
-def row_response_column(g: int, r: JointRow, d: int, T: Trees):
-    """J H^-1 J^T [1/kg], [1/(kg m^2)], as loops allow; Z (responses.py) becomes the column of dof d, which r is the row of. H
-    is factored. One lane."""
+def substitute_column(r: JointRow, last: int, d: int, T: Trees):
+    """|Z|^2 of a row whose last dof is `last`, and Z, by its factors. One lane."""
     t = T.t
-    last = r.first + r.count - 1
     row = t.first_entry[last]
     n = t.first_entry[last + 1] - row
     to = T.first_column[d]
@@ -148,6 +146,37 @@ def row_response_column(g: int, r: JointRow, d: int, T: Trees):
         y = y / wp.sqrt(T.H[first])
         T.column[to + p] = y
         found += y * y
+    return found
+
+
+@standalone_function
+@wp.func
+def multiply_column(r: JointRow, last: int, d: int, T: Trees):
+    """As `substitute_column`, by the inverse M of the factor L: rows of M, weighed. One lane."""
+    t = T.t
+    row = t.first_entry[last]
+    found = wp.float64(0.0)
+    for p in range(t.first_entry[last + 1] - row):
+        y = wp.float64(0.0)
+        for i in range(wp.max(r.count - 1 - p, 0), r.count):
+            y += r.J[i] * T.M[t.first_entry[r.first + i] + p - (r.count - 1 - i)]
+        y = y / wp.sqrt(T.H[t.first_entry[t.entry_dof[row + p]]])
+        T.column[T.first_column[d] + p] = y
+        found += y * y
+    return found
+
+
+@standalone_function
+@wp.func
+def row_response_column(g: int, r: JointRow, d: int, T: Trees):
+    """J H^-1 J^T [1/kg], [1/(kg m^2)], as loops allow; Z (responses.py) becomes the column of dof d, which r is the row of. H
+    is factored. One lane."""
+    last = r.first + r.count - 1
+    found = wp.float64(0.0)
+    if has_many_lanes():
+        found += multiply_column(r, last, d, T)
+    else:
+        found += substitute_column(r, last, d, T)
     if T.loops.first_row[g + 1] > T.loops.first_row[g]:
         found = wp.max(found - loop_column_share(g, d, last, T), wp.float64(1.0e-12) * found)
     return found

@@ -28,35 +28,17 @@ def coordinate_quaternion(c: int, q: wp.array(dtype=wp.float64)):
 
 @standalone_function
 @wp.func
-def last_link_dof(link: int, T: Trees):
-    """Last dof that moves link l, or -1."""
-    k = link
-    found = int(-1)
-    while k >= 0 and found < 0:
-        if T.t.first_dof[k + 1] > T.t.first_dof[k]:
-            found = T.t.first_dof[k + 1] - 1
-        k = T.t.parent[k]
-    return found
-
-
-@standalone_function
-@wp.func
-def place_tree_link(link: int, root: int, T: Trees):
-    """Sets X, Q of link l and S of its joint, from coordinates. Its parent is placed."""
+def place_in_parent(link: int, T: Trees):
+    """Sets X, Q of link l and S of its joint in the axes of its parent: of slides the linear part, of turns the angular one."""
     t = T.t
-    p = t.parent[link]
     at = t.at_a[link]
     Q = t.turn_a[link]
-    if p >= 0:
-        at = T.X[p] + rotate_vector(T.Q[p], at)
-        Q = T.Q[p] * Q
     d = t.first_dof[link]
     last = t.first_dof[link + 1]
     c = t.first_coordinate[link]
     turns = d + t.slides[link]
     for k in range(d, turns):
         e = rotate_vector(Q, t.axis[k])
-        T.S_w[k] = wp.vec3d()
         T.S_v[k] = e
         at += T.q[c + k - d] * e
     if t.ball[link] == 1:
@@ -66,24 +48,51 @@ def place_tree_link(link: int, root: int, T: Trees):
         if t.ball[link] == 0:
             Q = Q * turn_about_unit_axis(t.axis[k], T.q[c + k - d])
     Q = unit_quaternion(Q * wp.quat_inverse(t.turn_b[link]))
-    x = at - rotate_vector(Q, t.at_b[link])
     T.Q[link] = Q
-    T.X[link] = x
-    arm = T.X[root] - at
-    for k in range(turns, last):
-        T.S_v[k] = wp.cross(T.S_w[k], arm)
+    T.X[link] = at - rotate_vector(Q, t.at_b[link])
+
+
+@standalone_function
+@wp.func
+def turn_joint_motion(link: int, root: int, T: Trees):
+    """S of the joint of link l, from the axes of its parent to those of the world, at O. Links are placed."""
+    t = T.t
+    p = t.parent[link]
+    Q = wp.quatd(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    if p >= 0:
+        Q = T.Q[p]
+    d = t.first_dof[link]
+    turns = d + t.slides[link]
+    arm = T.X[root] - T.X[link] - rotate_vector(T.Q[link], t.at_b[link])
+    for k in range(d, turns):
+        T.S_w[k] = wp.vec3d()
+        T.S_v[k] = rotate_vector(Q, T.S_v[k])
+    for k in range(turns, t.first_dof[link + 1]):
+        w = rotate_vector(Q, T.S_w[k])
+        T.S_w[k] = w
+        T.S_v[k] = wp.cross(w, arm)
 
 
 @standalone_function
 @wp.func
 def place_tree(g: int, T: Trees):
-    """Sets X, Q and S of the links and joints of tree g."""
+    """Sets X, Q and S of the links and joints of tree g: all in their parents, then level by level in the world."""
     t = T.t
     root = t.first_link[g]
-    for level in range(t.first_level[g], t.first_level[g + 1]):
+    for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
+        place_in_parent(link, T)
+    tree_barrier()
+    for level in range(t.first_level[g] + 1, t.first_level[g + 1]):
         for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
-            place_tree_link(t.by_level[slot], root, T)
+            link = t.by_level[slot]
+            p = t.parent[link]
+            Q = T.Q[p]
+            T.X[link] = T.X[p] + rotate_vector(Q, T.X[link])
+            T.Q[link] = Q * T.Q[link]
         tree_barrier()
+    for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):
+        turn_joint_motion(link, root, T)
+    tree_barrier()
 
 
 @wp.func

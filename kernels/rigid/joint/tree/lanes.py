@@ -1,15 +1,14 @@
 """Lanes of a tree: on a GPU a warp of 32 threads works on one tree, on a CPU one thread does.
 
-A loop over links, dofs or entries runs from `first + tree_lane()` in strides of `tree_lanes()`; a loop over a matrix has rows
-and columns of lanes. A function that writes arrays ends with `tree_barrier`, so that its caller may read them. All lanes go the
-same way through what is not such a loop.
+A loop over links, dofs or entries runs from `first + tree_lane()` in strides of `tree_lanes()`. A function that writes arrays
+ends with `tree_barrier`, so that its caller may read them. All lanes go the same way through what is not such a loop.
 """
 
 from functools import cache
 
 import warp as wp
 
-LANES = 32               # of a tree on a GPU; lanes of rows and columns: 8 and 4
+LANES = 32               # of a tree on a GPU
 
 
 @wp.func_native("""
@@ -38,42 +37,14 @@ def tree_lanes() -> int:
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-    return (threadIdx.x & 31) >> 2;
+    return true;
 #else
-    return 0;
+    return false;
 #endif
 """)
-def row_lane() -> int: ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return 8;
-#else
-    return 1;
-#endif
-""")
-def row_lanes() -> int: ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return threadIdx.x & 3;
-#else
-    return 0;
-#endif
-""")
-def column_lane() -> int: ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return 4;
-#else
-    return 1;
-#endif
-""")
-def column_lanes() -> int: ...
+def has_many_lanes() -> bool:
+    """Whether a tree has many lanes: then fewer waits come before fewer operations."""
+    ...
 
 
 @wp.func_native("""
@@ -117,6 +88,30 @@ def greatest_of_lanes(x: wp.float64) -> wp.float64:
 """)
 def any_lane(flag: int) -> int:
     """1 in all lanes if it is not 0 in one."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __popc(__ballot_sync(0xffffffffu, flag) & ((1u << (threadIdx.x & 31)) - 1u));
+#else
+    return 0;
+#endif
+""")
+def lanes_before(flag: int) -> int:
+    """How many lanes before this one have a flag that is not 0."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __popc(__ballot_sync(0xffffffffu, flag));
+#else
+    return flag != 0;
+#endif
+""")
+def count_lanes(flag: int) -> int:
+    """How many lanes have a flag that is not 0."""
     ...
 
 

@@ -13,11 +13,11 @@ import warp as wp
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tables import FAR, LIMITED
+from wsim.kernels.rigid.joint.tree.contact.responses import close_tree_sweeps, open_tree_sweeps
 from wsim.kernels.rigid.joint.tree.joint_forces import JointRow, row_rate, row_response_column, tree_joint_row
 from wsim.kernels.rigid.joint.tree.lanes import any_lane, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.loops.impulses import keep_loops_of_row
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
-from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
 SWEEPS = wp.constant(64)

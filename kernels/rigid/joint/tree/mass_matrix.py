@@ -5,23 +5,21 @@
 
 (Featherstone 2008, section 6.2; Featherstone 2005, Efficient factorization of the joint-space inertia matrix for branched
 kinematic trees.) A row of H holds the dof itself, then those on its way to the root. After `factor_tree_matrix` the first is D,
-the others are L.
+the others are L. One lane goes from dof to dof, many take what does not depend on each other at once (wide_factor.py).
 """
 
 import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.rotation import rotation_to_matrix
-from wsim.kernels.rigid.joint.tree.lanes import (
-    column_lane,
-    column_lanes,
-    row_lane,
-    row_lanes,
-    tree_barrier,
-    tree_lane,
-    tree_lanes,
+from wsim.kernels.rigid.joint.tree.lanes import has_many_lanes, tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.tables import Trees, tree_dofs
+from wsim.kernels.rigid.joint.tree.wide_factor import (
+    factor_by_levels,
+    invert_tree_factor,
+    multiply_inverse_factor,
+    solve_by_inverse_factor,
 )
-from wsim.kernels.rigid.joint.tree.tables import Trees
 
 
 @standalone_function
@@ -51,11 +49,18 @@ def sum_composite_inertias(g: int, T: Trees):
         level = t.first_level[g + 1] - 1 - back
         for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
             p = t.by_level[slot]
-            for e in range(t.first_child[p], t.first_child[p + 1]):
-                link = t.child[e]
-                T.m[p] = T.m[p] + T.m[link]
-                T.mc[p] = T.mc[p] + T.mc[link]
-                T.inertia[p] = T.inertia[p] + T.inertia[link]
+            if t.first_child[p + 1] > t.first_child[p]:
+                m = T.m[p]
+                mc = T.mc[p]
+                inertia = T.inertia[p]
+                for e in range(t.first_child[p], t.first_child[p + 1]):
+                    link = t.child[e]
+                    m += T.m[link]
+                    mc += T.mc[link]
+                    inertia += T.inertia[link]
+                T.m[p] = m
+                T.mc[p] = mc
+                T.inertia[p] = inertia
         tree_barrier()
 
 
@@ -81,46 +86,63 @@ def assemble_tree_matrix(g: int, T: Trees):
 
 @standalone_function
 @wp.func
-def tree_dofs(g: int, T: Trees):
-    """(first, last) degree of freedom of a tree, the last one left out."""
-    return wp.vec2i(T.t.first_dof[T.t.first_link[g]], T.t.first_dof[T.t.first_link[g + 1]])
-
-
-@standalone_function
-@wp.func
-def factor_tree_matrix(g: int, T: Trees):
-    """H becomes L and D, in place."""
+def factor_in_turn(g: int, T: Trees):
+    """H becomes L and D, in place, dof after dof. One lane."""
     t = T.t
     dofs = tree_dofs(g, T)
     for back in range(dofs[1] - dofs[0]):
         k = dofs[1] - 1 - back
         row = t.first_entry[k]
         end = t.first_entry[k + 1]
-        for e in range(row + 1 + row_lane(), end, row_lanes()):
+        for e in range(row + 1, end):
             part = T.H[e] / T.H[row]
             to = t.first_entry[t.entry_dof[e]]
-            for f in range(e + column_lane(), end, column_lanes()):
+            for f in range(e, end):
                 T.H[to + f - e] = T.H[to + f - e] - part * T.H[f]
-        tree_barrier()
-    for k in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
-        row = t.first_entry[k]
-        for e in range(row + 1, t.first_entry[k + 1]):
-            T.H[e] = T.H[e] / T.H[row]
-    tree_barrier()
+            T.H[e] = part
+
+
+@standalone_function
+@wp.func
+def factor_tree_matrix(g: int, T: Trees):
+    """H becomes L and D, in place."""
+    if has_many_lanes():
+        factor_by_levels(g, T)
+        invert_tree_factor(g, T)
+    else:
+        factor_in_turn(g, T)
+
+
+@standalone_function
+@wp.func
+def put_tree_factors(g: int, H: wp.array(dtype=wp.float64), T: Trees):
+    """H becomes these factors."""
+    copy_tree_matrix(g, H, T.H, T)
+    if has_many_lanes():
+        invert_tree_factor(g, T)
+
+
+@standalone_function
+@wp.func
+def substitute_lower_factor(g: int, x: wp.array(dtype=wp.float64), T: Trees):
+    """x becomes L^-1 x, in place. One lane."""
+    t = T.t
+    dofs = tree_dofs(g, T)
+    for i in range(dofs[0], dofs[1]):
+        y = x[i]
+        for e in range(t.first_entry[i] + 1, t.first_entry[i + 1]):
+            y -= T.H[e] * x[t.entry_dof[e]]
+        x[i] = y
 
 
 @standalone_function
 @wp.func
 def solve_lower_factor(g: int, x: wp.array(dtype=wp.float64), T: Trees):
-    """x becomes L^-1 x, in place: each dof is taken off those behind it."""
-    t = T.t
-    dofs = tree_dofs(g, T)
-    for i in range(dofs[0], dofs[1]):
-        if t.dof_end[i] > i + 1:
-            depth = t.first_entry[i + 1] - t.first_entry[i]
-            for j in range(i + 1 + tree_lane(), t.dof_end[i], tree_lanes()):
-                x[j] = x[j] - T.H[t.first_entry[j + 1] - depth] * x[i]
-            tree_barrier()
+    """x becomes L^-1 x, in place."""
+    if has_many_lanes():
+        multiply_inverse_factor(g, x, T)
+    else:
+        substitute_lower_factor(g, x, T)
 
 
 @standalone_function
@@ -129,15 +151,15 @@ def solve_tree_matrix(g: int, x: wp.array(dtype=wp.float64), T: Trees):
     """x becomes H^-1 x, in place, by the factors of `factor_tree_matrix`."""
     t = T.t
     dofs = tree_dofs(g, T)
-    for back in range(dofs[1] - dofs[0]):
-        k = dofs[1] - 1 - back
-        for e in range(t.first_entry[k] + 1 + tree_lane(), t.first_entry[k + 1], tree_lanes()):
-            x[t.entry_dof[e]] = x[t.entry_dof[e]] - T.H[e] * x[k]
-        tree_barrier()
-    for k in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
-        x[k] = x[k] / T.H[t.first_entry[k]]
-    tree_barrier()
-    solve_lower_factor(g, x, T)
+    if has_many_lanes():
+        solve_by_inverse_factor(g, x, T)
+    else:
+        for back in range(dofs[1] - dofs[0]):
+            k = dofs[1] - 1 - back
+            for e in range(t.first_entry[k] + 1, t.first_entry[k + 1]):
+                x[t.entry_dof[e]] = x[t.entry_dof[e]] - T.H[e] * x[k]
+            x[k] = x[k] / T.H[t.first_entry[k]]
+        substitute_lower_factor(g, x, T)
 
 
 @standalone_function

@@ -47,9 +47,14 @@ def sum_tree_wrenches(g: int, T: Trees):
         level = t.first_level[g + 1] - 1 - back
         for slot in range(t.level_start[level] + tree_lane(), t.level_start[level + 1], tree_lanes()):
             p = t.by_level[slot]
-            for e in range(t.first_child[p], t.first_child[p + 1]):
-                T.N[p] = T.N[p] + T.N[t.child[e]]
-                T.F[p] = T.F[p] + T.F[t.child[e]]
+            if t.first_child[p + 1] > t.first_child[p]:
+                torque = T.N[p]
+                force = T.F[p]
+                for e in range(t.first_child[p], t.first_child[p + 1]):
+                    torque += T.N[t.child[e]]
+                    force += T.F[t.child[e]]
+                T.N[p] = torque
+                T.F[p] = force
         tree_barrier()
     dofs = tree_dofs(g, T)
     for i in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):

@@ -52,6 +52,7 @@ from wsim.kernels.rigid.joint.tree.mass_matrix import (
     factor_tree_matrix,
     link_inertia_world,
     multiply_tree_matrix,
+    put_tree_factors,
     solve_tree_matrix,
     tree_dofs,
 )
@@ -206,7 +207,7 @@ def tree_step_functions(real, moving: bool = False):
         note_tree_stage(g, T)
         add_spring_forces(g, k, -part, T.mean, T, J)
         add_actuator_springs(g, k, -part, T.mean, T, J)
-        copy_tree_matrix(g, T.W_factors, T.H, T)
+        put_tree_factors(g, T.W_factors, T)
         solve_tree_matrix(g, T.tau, T)
         constrain_tree_stage(g, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):

@@ -21,6 +21,8 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import standalone_function
+
 LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC = wp.constant(0), wp.constant(1), wp.constant(2)
 vec5d = wp.types.vector(5, wp.float64)
 vec6d = wp.types.vector(6, wp.float64)
@@ -95,6 +97,10 @@ def tree_structs():
         dof_link: wp.array(dtype=int)                # of dofs
         dof_end: wp.array(dtype=int)                 # of dofs: those behind it are the ones between, this one left out
         entry_dof: wp.array(dtype=int)               # of entries of H: the dof of their column
+        entry_row: wp.array(dtype=int)               # and of their row
+        first_step: wp.array(dtype=int)              # of trees, and one more: dofs equally far from the root, farthest first
+        step_start: wp.array(dtype=int)              # of those, and one more: place in `step_entry`
+        step_entry: wp.array(dtype=int)              # entries of their rows
 
     TreeLoops = loop_struct()
 
@@ -118,6 +124,7 @@ def tree_structs():
         mc: wp.array(dtype=wp.vec3d)
         inertia: wp.array(dtype=wp.mat33d)
         H: wp.array(dtype=wp.float64)
+        M: wp.array(dtype=wp.float64)                # inverse of the factor L, of many lanes (wide_factor.py)
         H_before: wp.array(dtype=wp.float64)         # at the start of a step, and the factors of W (steps.py)
         W_factors: wp.array(dtype=wp.float64)
         tau: wp.array(dtype=wp.float64)              # of dofs: generalised forces, then accelerations
@@ -140,8 +147,10 @@ def tree_structs():
         first_tree: wp.array(dtype=int)              # of worlds, and one more
         link_of: wp.array(dtype=int)                 # of bodies
         tree_of: wp.array(dtype=int)                 # of links
-        met: wp.array(dtype=int)                     # of links: 1: a contact has its responses
+        met: wp.array(dtype=int)                     # of links: 1: a contact needs its responses, 2: they are there
         first_answer: wp.array(dtype=int)            # of links: place of its responses
+        last_answer: wp.array(dtype=int)             # of trees: the end of those of its links
+        answer_link: wp.array(dtype=int)             # of rows of those: the link
         answer: wp.array(dtype=wp.float64)           # of links: Z (responses.py), (dofs on the way to the root, 6) each
         swing: wp.array(dtype=mat66d)                # of links: Z^T Z, spatial velocity by a wrench at O
         left: wp.array(dtype=wp.float64)             # of trees: what the last sweep over limits changed, at most in a frame
@@ -156,3 +165,10 @@ def tree_structs():
 
 
 Trees = tree_structs()[1]
+
+
+@standalone_function
+@wp.func
+def tree_dofs(g: int, T: Trees):
+    """(first, last) degree of freedom of a tree, the last one left out."""
+    return wp.vec2i(T.t.first_dof[T.t.first_link[g]], T.t.first_dof[T.t.first_link[g + 1]])

@@ -1,4 +1,4 @@
-"""Both links of a manifold: their velocities and responses, and impulses at its points (contacts.py)."""
+"""Both links of a manifold: their velocities, what an impulse changes of them, and impulses at its points (contacts.py)."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -8,10 +8,10 @@ import warp as wp
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.joint.tree.contact.responses import cross_response, link_twist, push_link
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier
-from wsim.kernels.rigid.joint.tree.responses import cross_response, link_twist, push_link
 from wsim.kernels.rigid.joint.tree.substep.bases import link_base_twist
-from wsim.kernels.rigid.joint.tree.tables import Trees, mat66d, vec6d
+from wsim.kernels.rigid.joint.tree.tables import Trees, vec6d
 from wsim.kernels.rigid.motion import double_vec3
 
 
@@ -27,9 +27,6 @@ class LinkPair:
     x_b: wp.vec3d
     V_a: vec6d
     V_b: vec6d
-    D_a: mat66d
-    D_b: mat66d
-    D_ab: mat66d                 # velocity of a by a wrench on b, 0 in different trees
 
 
 @wp.func
@@ -47,7 +44,7 @@ def twist_at(V: vec6d, x: wp.vec3d):
 
 @cache
 def link_pair_functions(real, moving: bool = False):
-    """read, slip, push, feel, give: functions of a manifold's links. moving: what some trees hang from moves."""
+    """find, read, slip, change, push, give: functions of a manifold's links. moving: what some trees hang from moves."""
     t, Rig = types(real), rig_type(real)
 
     @wp.func
@@ -59,7 +56,8 @@ def link_pair_functions(real, moving: bool = False):
 
     @standalone_function
     @wp.func
-    def read_link_pair(m: int, k: int, rig: Rig, T: Trees):
+    def find_link_pair(m: int, rig: Rig, T: Trees):
+        """Links and places alone."""
         n = rig.b.w.shape[0]
         f_a = rig.s.frame[rig.c.a[m]]
         f_b = rig.s.frame[rig.c.b[m]]
@@ -72,27 +70,30 @@ def link_pair_functions(real, moving: bool = False):
             pair.l_a = T.link_of[f_a]
             pair.g_a = T.tree_of[pair.l_a]
             pair.x_a = T.X[pair.l_a] - T.X[T.t.first_link[pair.g_a]]
-            pair.V_a = link_twist(pair.l_a, T)
-            if wp.static(moving):
-                pair.V_a += link_base_twist(pair.l_a, T.t.first_link[pair.g_a], T)
-            pair.D_a = T.swing[pair.l_a]
-        else:
-            pair.V_a = collider_twist(f_a, k, rig)
         if f_b < n:
             pair.l_b = T.link_of[f_b]
             pair.g_b = T.tree_of[pair.l_b]
             pair.x_b = T.X[pair.l_b] - T.X[T.t.first_link[pair.g_b]]
-            pair.V_b = link_twist(pair.l_b, T)
-            if wp.static(moving):
-                pair.V_b += link_base_twist(pair.l_b, T.t.first_link[pair.g_b], T)
-            pair.D_b = T.swing[pair.l_b]
-        else:
-            pair.V_b = collider_twist(f_b, k, rig)
-        if pair.g_a == pair.g_b:
-            pair.D_ab = cross_response(pair.l_a, pair.l_b, T)
         return pair
 
     @standalone_function
+    @wp.func
+    def read_link_pair(m: int, k: int, rig: Rig, T: Trees):
+        pair = find_link_pair(m, rig, T)
+        if pair.l_a >= 0:
+            pair.V_a = link_twist(pair.l_a, T)
+            if wp.static(moving):
+                pair.V_a += link_base_twist(pair.l_a, T.t.first_link[pair.g_a], T)
+        else:
+            pair.V_a = collider_twist(rig.s.frame[rig.c.a[m]], k, rig)
+        if pair.l_b >= 0:
+            pair.V_b = link_twist(pair.l_b, T)
+            if wp.static(moving):
+                pair.V_b += link_base_twist(pair.l_b, T.t.first_link[pair.g_b], T)
+        else:
+            pair.V_b = collider_twist(rig.s.frame[rig.c.b[m]], k, rig)
+        return pair
+
     @wp.func
     def pair_slip(pair: LinkPair, m: int, i: int, rig: Rig):
         """Velocity of a against b at point i."""
@@ -103,21 +104,29 @@ def link_pair_functions(real, moving: bool = False):
 
     @standalone_function
     @wp.func
+    def changed_velocities(found: LinkPair, m: int, i: int, d: t.vec3, rig: Rig, T: Trees):
+        """Velocities of both links that an impulse d on a at point i, and -d on b, gives them."""
+        pair = found
+        on_a = point_line(pair.x_a + double_vec3(rig.work.r_a[4 * m + i]), double_vec3(d))
+        on_b = point_line(pair.x_b + double_vec3(rig.work.r_b[4 * m + i]), -double_vec3(d))
+        pair.V_a = vec6d()
+        pair.V_b = vec6d()
+        if pair.l_a >= 0:
+            pair.V_a = T.swing[pair.l_a] * on_a
+        if pair.l_b >= 0:
+            pair.V_b = T.swing[pair.l_b] * on_b
+        if pair.g_a == pair.g_b:
+            pair.V_a = pair.V_a + cross_response(pair.l_a, pair.l_b, on_b, T)
+            pair.V_b = pair.V_b + cross_response(pair.l_b, pair.l_a, on_a, T)
+        return pair
+
+    @wp.func
     def push_pair(pair: LinkPair, m: int, i: int, P: t.vec3, rig: Rig):
         """(a, b): wrenches of an impulse P on a at point i, and of -P on b."""
         j = 4 * m + i
         a = point_line(pair.x_a + double_vec3(rig.work.r_a[j]), double_vec3(P))
         b = point_line(pair.x_b + double_vec3(rig.work.r_b[j]), -double_vec3(P))
         return a, b
-
-    @standalone_function
-    @wp.func
-    def feel_wrenches(pair: LinkPair, a: vec6d, b: vec6d):
-        """Velocities of both links behind wrenches on both."""
-        out = pair
-        out.V_a = pair.V_a + pair.D_a * a + pair.D_ab * b
-        out.V_b = pair.V_b + pair.D_b * b + wp.transpose(pair.D_ab) * a
-        return out
 
     @standalone_function
     @wp.func
@@ -128,4 +137,5 @@ def link_pair_functions(real, moving: bool = False):
         if pair.l_b >= 0:
             push_link(pair.l_b, b, T)
 
-    return SimpleNamespace(read=read_link_pair, slip=pair_slip, push=push_pair, feel=feel_wrenches, give=give_wrenches)
+    return SimpleNamespace(find=find_link_pair, read=read_link_pair, slip=pair_slip, change=changed_velocities, push=push_pair,
+                           give=give_wrenches)

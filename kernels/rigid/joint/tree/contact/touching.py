@@ -1,5 +1,4 @@
-"""Substeps of trees that touch something. A world has so many teams: one, or, where it has many trees and is the only one, the
-warps of a block or of a cluster of blocks, which meet between the parts of a substep. A team is the lanes of a tree (lanes.py).
+"""Substeps of trees that touch something, by the teams of each world (teams.py), which meet between the parts of a substep.
 
     predict    coordinates and velocities a step on without contacts and limits, by rk4 or implicitly (steps.py)
     solve      sweeps over contacts and limits, from the mean rate of the prediction: what they change is added to it
@@ -15,10 +14,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
-from wsim.kernels.rigid.contact import manifold_count_func, rig_type
+from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tree.actuator_forces import add_actuator_inertia, note_actuator_work
-from wsim.kernels.rigid.joint.tree.contact.contacts import link_contact_functions
+from wsim.kernels.rigid.joint.tree.contact.contacts import COLUMNS, link_contact_functions
+from wsim.kernels.rigid.joint.tree.contact.responses import close_tree_sweeps, open_tree_sweeps, solve_tree_responses
+from wsim.kernels.rigid.joint.tree.contact.teams import WorldTeam, touching_manifold_functions, world_team_func
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia, note_drive_work
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
@@ -26,7 +27,6 @@ from wsim.kernels.rigid.joint.tree.limits import reset_limit_impulses, start_tre
 from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
 from wsim.kernels.rigid.joint.tree.loops.steps import close_tree_loops
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
-from wsim.kernels.rigid.joint.tree.responses import close_tree_sweeps, open_tree_sweeps, solve_link_responses
 from wsim.kernels.rigid.joint.tree.steps import IMPLICIT, ROS2, tree_step_functions
 from wsim.kernels.rigid.joint.tree.substep.bases import place_tree_base
 from wsim.kernels.rigid.joint.tree.substep.stages import copy_tree_state
@@ -36,54 +36,11 @@ from wsim.kernels.rigid.lists.pairs import body_straying_func
 from wsim.kernels.rigid.soft_step import body_steps
 
 
-@wp.struct
-class WorldTeam:
-    """A team of a world: its number of so many, and the trees and manifolds of the world, first and last."""
-    number: int
-    of: int
-    tree: int
-    last_tree: int
-    manifold: int
-    last_manifold: int
-
-
-def world_team_func(real):
-    """Function (warp, teams, rig, T): the team of a warp."""
-    Rig, count = rig_type(real), manifold_count_func(real)
-
-    @standalone_function
-    @wp.func
-    def first_manifold_of_world(w: int, rig: Rig):
-        """Place of the first manifold whose shape a is of world w or a later one: the list is sorted by it."""
-        low = int(0)
-        high = count(rig)
-        while low < high:
-            middle = (low + high) // 2
-            if rig.s.world[rig.c.a[middle]] < w:
-                low = middle + 1
-            else:
-                high = middle
-        return low
-
-    @wp.func
-    def world_team(warp: int, teams: int, rig: Rig, T: Trees):
-        w = warp // teams
-        found = WorldTeam()
-        found.number = warp % teams
-        found.of = teams
-        found.tree = T.first_tree[w]
-        found.last_tree = T.first_tree[w + 1]
-        found.manifold = first_manifold_of_world(w, rig)
-        found.last_manifold = first_manifold_of_world(w + 1, rig)
-        return found
-
-    return world_team
-
-
-def tree_part_functions(real, meet, moving: bool):
+def tree_part_functions(real, meet, coloured: bool, moving: bool):
     """Parts of a substep of one tree, or of all of a team."""
     Rig, f, contact = rig_type(real), tree_step_functions(real, moving), link_contact_functions(real, moving)
-    advance, mark, prepare = f.predict, contact.mark, contact.prepare
+    advance, mark, arms, prepare, end = f.predict, contact.mark, contact.arms, contact.prepare, contact.end
+    nth = touching_manifold_functions(real, coloured)[1]
     (orient, _, _, _), stray = body_steps(real), body_straying_func(real)
 
     @standalone_function
@@ -108,17 +65,26 @@ def tree_part_functions(real, meet, moving: bool):
     @wp.func
     def ready_contacts(team: WorldTeam, k: int, rig: Rig, T: Trees):
         """Responses, arms, gaps of a world's manifolds where substep k begins."""
-        first = team.manifold + team.number * tree_lanes() + tree_lane()
-        for m in range(first, team.last_manifold, team.of * tree_lanes()):
-            mark(m, rig, T)
+        lane = team.number * tree_lanes() + tree_lane()
+        lanes = team.of * tree_lanes()
+        for place in range(team.manifold + lane, team.end, lanes):
+            m = nth(place, rig)
+            if m >= 0:
+                mark(m, rig, T)
+                arms(m, k, rig)
         meet()
         for g in range(team.tree + team.number, team.last_tree, team.of):
-            for link in range(T.t.first_link[g], T.t.first_link[g + 1]):
-                if T.met[link] == 1:
-                    solve_link_responses(link, T)
+            solve_tree_responses(g, T)
         meet()
-        for m in range(team.manifold + team.number, team.last_manifold, team.of):
-            prepare(m, k, rig, T)
+        for item in range(lane, COLUMNS * (team.end - team.manifold), lanes):
+            m = nth(team.manifold + item // COLUMNS, rig)
+            if m >= 0:
+                prepare(m, item % COLUMNS, rig, T)
+        meet()
+        for place in range(team.manifold + lane, team.end, lanes):
+            m = nth(place, rig)
+            if m >= 0:
+                end(m, rig)
         meet()
 
     @standalone_function
@@ -190,8 +156,8 @@ def tree_sweep_functions(real, meet, coloured: bool, moving: bool):
                     slot += stride
                 meet()
         else:
-            for m in range(team.manifold, team.last_manifold):
-                act_on_manifold(m, first, k, h, biased, rig, T)
+            for place in range(team.manifold, team.end):
+                act_on_manifold(rig.work.order[place], first, k, h, biased, rig, T)
 
     @wp.func
     def sweep_world(team: WorldTeam, k: int, h: real, biased: int, rig: Rig, J: Linked, T: Trees):
@@ -209,7 +175,7 @@ def touching_tree_kernel(real, module, meet, coloured: bool, moving: bool = Fals
     Manifolds are those of steps[0]. P: scratch of the prediction. meet: the barrier of a world's teams; moving: what some trees
     hang from moves; threads, cluster: of a block, and blocks of a cluster, on CUDA."""
     Rig, f, world_team = rig_type(real), tree_step_functions(real, moving), world_team_func(real)
-    parts = tree_part_functions(real, meet, moving)
+    parts, listed = tree_part_functions(real, meet, coloured, moving), touching_manifold_functions(real, coloured)[0]
     begin, write, ready, contacts, predict, move, place = (f.begin, f.write, parts.ready, parts.contacts, parts.predict,
                                                            parts.move, parts.place)
     walk, sweep = tree_sweep_functions(real, meet, coloured, moving)
@@ -228,6 +194,7 @@ def touching_tree_kernel(real, module, meet, coloured: bool, moving: bool = Fals
 
     def rigid_touching_trees(steps: wp.vec3i, h: real, teams: int, rig: Rig, J: Linked, T: Trees, P: Trees):
         team = world_team(wp.tid() // tree_lanes(), teams, rig, T)
+        team.end = listed(team, rig)
         d = wp.float64(h)
         begin_world(team, steps[0], h, rig, J, T)
         for k in range(steps[0], steps[1]):

@@ -74,6 +74,10 @@ class TreeLinks:
     dof_link: list[int] = field(default_factory=list)
     dof_end: list[int] = field(default_factory=list)
     entry_dof: list[int] = field(default_factory=list)
+    entry_row: list[int] = field(default_factory=list)
+    first_step: list[int] = field(default_factory=lambda: [0])
+    step_start: list[int] = field(default_factory=lambda: [0])
+    step_entry: list[int] = field(default_factory=list)
     loops: LoopRows = field(default_factory=LoopRows)
 
     def add_link(self, body: int, parent: int, joint: int, given: Joint | None, swapped: bool) -> None:
@@ -90,6 +94,7 @@ class TreeLinks:
             self.dof_parent.append(before)
             row = self.entry_dof[self.first_entry[before]:self.first_entry[before + 1]] if before >= 0 else []
             self.entry_dof += [len(self.dof_link), *row]
+            self.entry_row += [len(self.dof_link)] * (1 + len(row))
             self.first_entry.append(len(self.entry_dof))
             self.dof_link.append(len(self.body))
             self.first_column.append(self.columns)
@@ -102,7 +107,7 @@ class TreeLinks:
         self.first_coordinate.append(self.first_coordinate[-1] + len(names) + ball)
 
     def end_tree(self) -> None:
-        """All links of a tree are there: their levels, children and dofs behind each."""
+        """All links of a tree are there: their levels, children, dofs behind each, entries of H by distance from the root."""
         first, n = self.first_link[-1], len(self.body)
         self.first_link.append(n)
         depth: dict[int, int] = {}
@@ -123,6 +128,14 @@ class TreeLinks:
             if self.dof_parent[d] >= 0:
                 ends[self.dof_parent[d]] = max(ends[self.dof_parent[d]], ends[d])
         self.dof_end += [ends[d] for d in own]
+        rows: dict[int, list[int]] = {}
+        for d in own:
+            entries = range(self.first_entry[d], self.first_entry[d + 1])
+            rows.setdefault(len(entries), []).extend(entries)
+        for far in sorted(rows, reverse=True):
+            self.step_entry += rows[far]
+            self.step_start.append(len(self.step_entry))
+        self.first_step.append(len(self.step_start) - 1)
         self.loops.end_tree(len(own))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry import rotation
+from wsim.kernels.math.real import types
 from wsim.kernels.rigid.joint.tree.alone import tree_velocity_kernel
 from wsim.kernels.rigid.joint.tree.lanes import LANES
 from wsim.kernels.rigid.joint.tree.tables import mat66d, tree_structs
@@ -24,9 +25,11 @@ SPEEDS = (StateField("joint_qd", "", True, "generalised velocities [m/s], [rad/s
 OFFSETS = {"first_link": "links", "body": "bodies", "parent": "links", "joint": "joints", "first_dof": "dofs",
            "first_coordinate": "coordinates", "dof_parent": "dofs", "first_entry": "entries", "first_column": "columns",
            "first_level": "levels", "level_start": "links", "by_level": "links", "first_child": "children", "child": "links",
-           "last_dof": "dofs", "dof_link": "links", "dof_end": "dofs", "entry_dof": "dofs"}
+           "last_dof": "dofs", "dof_link": "links", "dof_end": "dofs", "entry_dof": "dofs", "entry_row": "dofs",
+           "first_step": "steps", "step_start": "entries", "step_entry": "entries"}
 SCHEMES = {"rk4": 1, "symplectic_euler": 2, "backward_euler": 3}       # by name of the scene's integrator; others: -1
-ENDED = "first_link", "first_dof", "first_coordinate", "first_entry", "first_level", "level_start", "first_child"
+ENDED = ("first_link", "first_dof", "first_coordinate", "first_entry", "first_level", "level_start", "first_child",
+         "first_step", "step_start")
 
 
 class DeviceTrees(DeviceJoints):
@@ -68,7 +71,8 @@ class DeviceTrees(DeviceJoints):
         Table, Trees = tree_structs()
         sizes = {"links": len(links.body), "bodies": len(self.method.bodies) // worlds, "joints": len(self.joints),
                  "dofs": links.first_dof[-1], "coordinates": links.first_coordinate[-1], "entries": links.first_entry[-1],
-                 "columns": links.columns, "levels": links.first_level[-1], "children": len(links.child)}
+                 "columns": links.columns, "levels": links.first_level[-1], "children": len(links.child),
+                 "steps": links.first_step[-1]}
 
         def of_worlds(name: str):
             own = np.array(getattr(links, name), np.int64).reshape(-1)
@@ -79,7 +83,7 @@ class DeviceTrees(DeviceJoints):
             return np.concatenate(rows + [own[-1:] + size * (worlds - 1)] * first)
         whole = ("first_link", "body", "parent", "joint", "slides", "ball", "first_dof", "first_coordinate", "row",
                  "dof_parent", "first_entry", "first_level", "level_start", "by_level", "first_child", "child", "last_dof",
-                 "dof_link", "dof_end", "entry_dof")
+                 "dof_link", "dof_end", "entry_dof", "entry_row", "first_step", "step_start", "step_entry")
         arrays = {name: up(of_worlds(name), int) for name in whole}
         frames = self._link_frames()
         masses = [self.method.masses[row] for row in links.body]
@@ -129,7 +133,9 @@ class DeviceTrees(DeviceJoints):
         link_of = np.argsort(links.body)
         rows = np.arange(worlds)[:, None]
         found = {"first_tree": islands * np.arange(worlds + 1), "link_of": link_of + n * rows, "tree_of": tree + islands * rows,
-                 "first_answer": answers[:-1] + answers[-1] * rows}
+                 "first_answer": answers[:-1] + answers[-1] * rows,
+                 "last_answer": answers[np.array(links.first_link[1:], int)] + answers[-1] * rows,
+                 "answer_link": np.repeat(np.arange(n), sizes) + n * rows}
         return {**{name: up(values.ravel(), int) for name, values in found.items()},
                 "met": wp.zeros(n * worlds, dtype=int, device=self.device),
                 "answer": wp.zeros(max(1, int(answers[-1])) * worlds, dtype=wp.float64, device=self.device),
@@ -141,7 +147,7 @@ class DeviceTrees(DeviceJoints):
         of_dofs = ("tau", "qd_start", "qd_before", "rate", "rates", "mean", "gains", "mass", "push", "rub", "rub_most",
                    "response", "u")
         vectors = dict.fromkeys(("X", "W", "V", "A_w", "A_v", "N", "F", "mc"), "links") | {"S_w": "dofs", "S_v": "dofs"}
-        numbers = dict.fromkeys(of_dofs, "dofs") | dict.fromkeys(("H", "H_before", "W_factors"), "entries")
+        numbers = dict.fromkeys(of_dofs, "dofs") | dict.fromkeys(("H", "M", "H_before", "W_factors"), "entries")
         numbers |= {"m": "links", "q_before": "coordinates", "q_start": "coordinates", "column": "columns"}
         islands = len(self.order.first_joint) - 1
         return {**{name: zeros(size, wp.vec3d) for name, size in vectors.items()},
@@ -236,6 +242,12 @@ class DeviceTrees(DeviceJoints):
     def contact_form(self) -> Any:
         from wsim.physics.rigid.joints.trees.form import TreeContactForm
         return TreeContactForm(self)
+
+    def contact_arrays(self, room: int) -> dict[str, wp.array]:
+        """What kernels note of so many manifolds, for `Work` of kernels/rigid/contact.py."""
+        t = types(self.model.real)
+        return {"slip_by_push": wp.zeros(16 * room, dtype=t.vec2, device=self.device),
+                "slip_by_rub": wp.zeros(6 * room, dtype=t.mat22, device=self.device)}
 
     def renew_velocities(self) -> None:
         self.stale = True

@@ -10,16 +10,7 @@ the way from the link to the root stand in J, and so in Z: nothing fills in. Swe
 import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
-from wsim.kernels.rigid.joint.tree.lanes import (
-    column_lane,
-    column_lanes,
-    entry_store_functions,
-    row_lane,
-    row_lanes,
-    tree_barrier,
-    tree_lane,
-    tree_lanes,
-)
+from wsim.kernels.rigid.joint.tree.lanes import entry_store_functions, has_many_lanes, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.loops.impulses import keep_loops_of_link, loop_link_share
 from wsim.kernels.rigid.joint.tree.mass_matrix import solve_lower_factor, tree_dofs
 from wsim.kernels.rigid.joint.tree.tables import Trees, mat66d, vec6d
@@ -73,56 +64,105 @@ def link_twist(link: int, T: Trees):
 
 @standalone_function
 @wp.func
-def solve_link_responses(link: int, T: Trees):
-    """Sets Z and Z^T Z of link l. H is factored."""
+def substitute_link_response(link: int, T: Trees):
+    """Sets Z of link l by the factors of H. One lane."""
     t = T.t
     six = int(6)                                       # variables: a loop over a constant is unrolled
     three = int(3)
     d = t.last_dof[link]
-    n = int(0)
-    to = T.first_answer[link]
     if d >= 0:
         row = t.first_entry[d]
         n = t.first_entry[d + 1] - row
-        for p in range(tree_lane(), n, tree_lanes()):
+        to = T.first_answer[link]
+        for p in range(n):
             k = t.entry_dof[row + p]
             for c in range(three):
                 T.answer[to + 6 * p + c] = T.S_w[k][c]
                 T.answer[to + 6 * p + 3 + c] = T.S_v[k][c]
-        tree_barrier()
-        for p in range(n - 1):                         # L^-T, then D^-1/2
+        for p in range(n):                             # L^-T, then D^-1/2
             first = t.first_entry[t.entry_dof[row + p]]
-            for r in range(p + 1 + row_lane(), n, row_lanes()):
-                for c in range(column_lane(), six, column_lanes()):
+            for r in range(p + 1, n):
+                for c in range(six):
                     T.answer[to + 6 * r + c] = T.answer[to + 6 * r + c] - T.H[first + r - p] * T.answer[to + 6 * p + c]
-            tree_barrier()
-        for p in range(tree_lane(), n, tree_lanes()):
-            size = wp.float64(1.0) / wp.sqrt(T.H[t.first_entry[t.entry_dof[row + p]]])
+            size = wp.float64(1.0) / wp.sqrt(T.H[first])
             for c in range(six):
                 T.answer[to + 6 * p + c] = size * T.answer[to + 6 * p + c]
-        tree_barrier()
-    for item in range(tree_lane(), six * six, tree_lanes()):
-        r = item // 6
-        c = item % 6
-        y = wp.float64(0.0)
-        for p in range(n):
-            y += T.answer[to + 6 * p + r] * T.answer[to + 6 * p + c]
-        store_response(T.swing, link, r, c, y)
-    tree_barrier()
-    g = T.tree_of[link]
-    if T.loops.first_row[g + 1] > T.loops.first_row[g]:
-        less = loop_link_share(g, link, link, T)
-        for item in range(tree_lane(), six * six, tree_lanes()):
-            left = T.swing[link][item // 6, item % 6] - less[item // 6, item % 6]
-            store_response(T.swing, link, item // 6, item % 6, left)
-        tree_barrier()
 
 
 @standalone_function
 @wp.func
-def cross_response(k: int, link: int, T: Trees):
-    """Z_k^T Z_l of two links of a tree: spatial velocity of link k by a wrench (torque about O, force), an impulse, on l."""
-    found = mat66d()
+def multiply_response_row(link: int, p: int, T: Trees):
+    """Sets row p of Z of link l, by the inverse M of the factor L. One lane."""
+    t = T.t
+    row = t.first_entry[t.last_dof[link]]
+    w = wp.vec3d()
+    v = wp.vec3d()
+    for q in range(p + 1):
+        k = t.entry_dof[row + q]
+        part = T.M[t.first_entry[k] + p - q]
+        w += part * T.S_w[k]
+        v += part * T.S_v[k]
+    size = wp.float64(1.0) / wp.sqrt(T.H[t.first_entry[t.entry_dof[row + p]]])
+    to = T.first_answer[link] + 6 * p
+    three = int(3)
+    for c in range(three):
+        T.answer[to + c] = size * w[c]
+        T.answer[to + 3 + c] = size * v[c]
+
+
+@standalone_function
+@wp.func
+def set_swing_row(g: int, link: int, r: int, T: Trees):
+    """Sets row r of Z^T Z of link l, less what loops take. One lane."""
+    t = T.t
+    six = int(6)
+    d = t.last_dof[link]
+    found = vec6d()
+    if d >= 0:
+        at = T.first_answer[link]
+        for _p in range(t.first_entry[d + 1] - t.first_entry[d]):
+            z = T.answer[at + r]
+            for c in range(six):
+                found[c] = found[c] + z * T.answer[at + c]
+            at += 6
+    if T.loops.first_row[g + 1] > T.loops.first_row[g]:
+        found -= loop_link_share(g, link, link, T)[r]
+    for c in range(six):
+        store_response(T.swing, link, r, c, found[c])
+
+
+@standalone_function
+@wp.func
+def solve_tree_responses(g: int, T: Trees):
+    """Sets Z and Z^T Z of the links of a tree that a contact has noted. H is factored."""
+    t = T.t
+    first = t.first_link[g]
+    last = t.first_link[g + 1]
+    if has_many_lanes():
+        for row in range(T.first_answer[first] // 6 + tree_lane(), T.last_answer[g] // 6, tree_lanes()):
+            link = T.answer_link[row]
+            if T.met[link] == 1:
+                multiply_response_row(link, row - T.first_answer[link] // 6, T)
+    else:
+        for link in range(first, last):
+            if T.met[link] == 1:
+                substitute_link_response(link, T)
+    tree_barrier()
+    for item in range(6 * first + tree_lane(), 6 * last, tree_lanes()):
+        if T.met[item // 6] == 1:
+            set_swing_row(g, item // 6, item % 6, T)
+    tree_barrier()
+    for link in range(first + tree_lane(), last, tree_lanes()):
+        if T.met[link] == 1:
+            T.met[link] = 2
+    tree_barrier()
+
+
+@standalone_function
+@wp.func
+def cross_response(k: int, link: int, wrench: vec6d, T: Trees):
+    """Z_k^T Z_l w of two links of a tree: spatial velocity of link k by a wrench (torque about O, force), an impulse, on l."""
+    found = vec6d()
     t = T.t
     six = int(6)
     d = t.last_dof[k]
@@ -133,14 +173,16 @@ def cross_response(k: int, link: int, T: Trees):
         while p >= t.first_entry[d] and r >= t.first_entry[f] and t.entry_dof[p] == t.entry_dof[r]:     # from the root on
             at = T.first_answer[k] + 6 * (p - t.first_entry[d])
             to = T.first_answer[link] + 6 * (r - t.first_entry[f])
-            for i in range(six):
-                for c in range(six):
-                    found[i, c] = found[i, c] + T.answer[at + i] * T.answer[to + c]
+            z = wp.float64(0.0)
+            for c in range(six):
+                z += T.answer[to + c] * wrench[c]
+            for c in range(six):
+                found[c] = found[c] + T.answer[at + c] * z
             p -= 1
             r -= 1
     g = T.tree_of[link]
     if T.loops.first_row[g + 1] > T.loops.first_row[g]:
-        found -= loop_link_share(g, k, link, T)
+        found -= loop_link_share(g, k, link, T) * wrench
     return found
 
 
