@@ -27,7 +27,8 @@ LEAST = 0.1              # of a hat that obstacles leave: below it f is of this 
 
 @cache
 def hat_sum_function(dim: int, thin: bool, real):
-    """Function (g, particles, cells, i) -> sum of weights about the centre of cell i; thin: of particles that see it."""
+    """Function (g, particles, cells, i) -> sum of weights about the centre of cell i; thin: of particles that see it,
+    over what they have of all that they see (walls.py)."""
     t, S, T, s = types(real), grid_structs(real), particle_structs(real), transfer_stencils(dim, real)
 
     @wp.func
@@ -47,7 +48,10 @@ def hat_sum_function(dim: int, thin: bool, real):
                             if wp.static(dim == 3):
                                 w *= s.hat(away[2])
                             if wp.static(thin):
-                                if not s.sees(particles.seen[cells.order[k]], -1, s.corner(away)):
+                                p = cells.order[k]
+                                if s.sees(particles.seen[p], -1, s.corner(away)) and w > real(0.0):
+                                    w = w / particles.reach[p]
+                                else:
                                     w = real(0.0)
                             sum += w
         return sum
@@ -112,7 +116,7 @@ def cell_fill_kernel(dim: int, obstacles: bool, thin: bool, real, module):
         if wp.static(obstacles):
             part = part / hat_outside_obstacles(g, shape, solid, i)
         if wp.static(thin):
-            part = part / cells.share[c]
+            part = part / wp.max(cells.share[c], real(LEAST))
         away = real(1.0) - wp.sqrt(wp.max(real(1.0) - real(2.0) * wp.abs(part - real(0.5)), real(0.0)))
         f_out[c] = part
         phi_out[c] = wp.where(part > real(0.5), -away, away)

@@ -6,6 +6,8 @@
     sides    closed: they stay SKIN cells within; open: who passes is none any more; periodic: comes in at the other side
     solid    signed distance of the obstacles at the grid's nodes [m]: who is within is put onto the surface, along the gradient
 
+Gravity acts on faces that have mass: u += h g.
+
 A particle that does not see all rows about it, beside a thin wall (walls.py), goes by Euler's step, in what it sees.
 """
 
@@ -151,3 +153,16 @@ def particle_motion_kernel(dim: int, obstacles: bool, thin: bool, real, module):
 
     name = f"particles_move{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}"
     return wp.kernel(move_particles, name=name, module=module, enable_backward=False)
+
+
+@cache
+def liquid_gravity_kernel(real, module):
+    """Kernel over the faces of an axis."""
+
+    def apply_liquid_gravity(axis: int, gravity: wp.array(dtype=real), clock: wp.array(dtype=real), mass: wp.array(dtype=real),
+                             u_out: wp.array(dtype=real)):
+        c = wp.tid()
+        if mass[c] > real(0.0):
+            u_out[c] = u_out[c] + clock[0] * gravity[axis]
+
+    return wp.kernel(apply_liquid_gravity, name=f"particles_pull_{types(real).name}", module=module, enable_backward=False)

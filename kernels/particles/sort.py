@@ -35,13 +35,14 @@ def particle_structs(real) -> SimpleNamespace:
         C: wp.array(dtype=t.mat33)         # rows: gradient of each component of v [1/s], of affine transfers
         id: wp.array(dtype=int)            # below 0: there is none
         seen: wp.array(dtype=int)          # beside thin walls: bits of the rows of the grid that no wall hides (walls.py)
+        reach: wp.array(dtype=real)        # and the sum of the hats of the centres among them
 
     @wp.struct
     class Cells:
         first: wp.array(dtype=int)         # of each cell's particles in `order`, (cells + 1,)
         order: wp.array(dtype=int)
         clear: wp.array(dtype=t.vec2)      # beside thin walls (walls.py): distance of the centre to a shape, to a thin wall [m]
-        share: wp.array(dtype=real)        # and part of the hat about it that no wall hides
+        share: wp.array(dtype=real)        # and what it has of particles at their density at rest [cells]
 
     return SimpleNamespace(Particles=ParticleRows, Cells=Cells)
 

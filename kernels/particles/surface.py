@@ -177,17 +177,20 @@ def liquid_outflow_kernel(dim: int, obstacles: bool, moving: bool, real, module)
 @cache
 def density_correction_kernel(dim: int, thin: bool, real, module):
     """Kernel over cells: the right-hand side of a displacement [m] that makes room where f > 1 and, where all cells beside are
-    liquid, takes it where f < 1 (Kugelstadt, Longva, Thuerey, Bender 2019). thin: cells beyond closed faces do not count."""
+    liquid, takes it where f < 1 (Kugelstadt, Longva, Thuerey, Bender 2019). thin: cells beyond closed faces do not count, and
+    what a cell makes room for is of its share (shares.py)."""
     S, f, at, Level = grid_structs(real), grid_functions(dim, real), surface_functions(dim, real), pressure_levels(real)
     s = poisson_stencil(dim, FREE, real)
 
-    def density_correction(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), open: S.Faces, level: Level,
-                           b_out: wp.array(dtype=real)):
+    def density_correction(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), open: S.Faces,
+                           share: wp.array(dtype=real), level: Level, b_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         b = real(0.0)
         if phi[c] < real(0.0) and s.diagonal(level, i) > real(0.0):
             b = -wp.clamp(fill[c] - real(1.0), real(-PACKED), real(PACKED)) * g.dx
+            if wp.static(thin):
+                b *= share[c]
             around = int(wp.static(2 * dim))
             for m in range(around):
                 a = m // 2

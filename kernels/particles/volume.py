@@ -21,6 +21,7 @@ from wsim.kernels.fluid.grid import flat_cell_index, grid_functions, grid_struct
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.sort import particle_structs
 from wsim.kernels.particles.surface import surface_functions
+from wsim.kernels.particles.walls import RAY
 from wsim.kernels.solver.pcg import block_sum
 
 AMOUNT, PLACES, OF_PARTICLES = 0, 1, 2            # volumes [cells]: of liquid, outside of obstacles, of particles at rest
@@ -77,8 +78,8 @@ def open_fraction(dim: int, real):
 
 @cache
 def liquid_volume_kernel(dim: int, obstacles: bool, thin: bool, real, module):
-    """Kernel over blocks of threads: parts of (AMOUNT, PLACES, OF_PARTICLES). rest: particles of a full cell. Of cells that a
-    thin wall parts the particles count."""
+    """Kernel over blocks of threads: parts of (AMOUNT, PLACES, OF_PARTICLES). rest: particles of a full cell. Of cells beside
+    a thin wall the particles count."""
     S, T, f, at, part_of = (grid_structs(real), particle_structs(real), grid_functions(dim, real), surface_functions(dim, real),
                             open_fraction(dim, real))
 
@@ -113,8 +114,8 @@ def liquid_volume_kernel(dim: int, obstacles: bool, thin: bool, real, module):
                 full = wp.float64(1.0)
             if wp.static(thin):
                 near = cells.clear[c]
-                if near[1] < real(1.0) * g.dx:
-                    full = wp.float64(cells.first[c + 1] - cells.first[c]) / wp.float64(rest)
+                if near[1] < real(RAY) * g.dx:
+                    full = wp.float64(fill[c] * cells.share[c])
             liquid += o * full
             places += o
             particles += wp.float64(cells.first[c + 1] - cells.first[c])

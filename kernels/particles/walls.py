@@ -5,10 +5,11 @@
     from cell to cell that avoids all
                 closed faces never comes through a wall, however thin it is and however it lies
     cut         bits of a face: a wall stands between it and the next one along an axis, so that no velocity is extended there
-    part        of the hat about a cell's centre, on this side of the walls: the product over the walls about it of
-                1/2 + d - d^2 / 2, d their distance in cells (exact of one wall along the grid, and of corners of such)
-    seen        bits of a particle: rows of the grid about it that no wall hides. CENTERS + m: corner m of those of the cells;
-                then of each component in turn, bit b of m along axis b
+    seen        bits of a particle: rows of the grid about it that no wall hides. Bit m: corner m of those of the cells, none of
+                a cell all of whose faces are closed; then of each component in turn, bit b of m along axis b
+    reach       of a particle: W = sum of its hats at the centres that it sees. Each of them has w / W of it, so that a particle
+                counts as one wherever the wall lies in a cell; with a tenth of a hat left, ten would count as one
+    share       of a cell: the integral of w / W over what it sees (shares.py)
 
 Walls stand where they are at the step's end, and a particle stands to them as it did where the step begins.
 """
@@ -29,8 +30,6 @@ FAR = 4.0                # cells: distances are told up to there
 REACH = 2.7              # cells from the centre of a particle's cell to the furthest row about it
 RAY = 1.75               # cells, sqrt(3): a plane nearer than 1 is met along an axis; no row is further from a particle
 SLACK = 1.0e-3           # of a cell: what is so near to a wall stands on it
-SAME = 0.7               # cosine between normals from which on they are of one wall
-LEAST = 0.1              # of a hat, as in fill.py
 
 
 @cache
@@ -105,69 +104,8 @@ def wall_closure_kernel(dim: int, kinds: tuple[str, ...], real, module):
 
 
 @cache
-def hat_share_kernel(dim: int, kinds: tuple[str, ...], real, module):
-    """Kernel over cells: part_out of the hat about a centre that no wall hides."""
-    t, G, S, f, s = (types(real), grid_structs(real), moved.fluid_shape_structs(real), grid_functions(dim, real),
-                     moved.shape_queries(dim, kinds, real))
-    planes = wp.types.matrix((6, 4), real)
-
-    @wp.func(inline=False)
-    def ray_wall_plane(shapes: S.Shapes, x: t.vec3, way: t.vec3, time: real):
-        """Distance [cells] of the plane that a ray meets, and its normal."""
-        least = real(2.0)
-        n = t.vec3()
-        y = s.spot(shapes, x)
-        z = s.spot(shapes, x + way)
-        for k in range(shapes.of.kind.shape[0]):
-            if shapes.thin[k] != 0:
-                part, normal = s.first_hit(shapes.of, k, y, time, z, time, real(0.0))
-                if part < real(1.0) and part < least:
-                    least = part
-                    n = normal
-        d = real(FAR)
-        if least < real(1.0):
-            d = least * wp.abs(wp.dot(z - y, n)) / shapes.dx
-        return d, n
-
-    def unhidden_hat_share(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
-                           part_out: wp.array(dtype=real)):
-        c = wp.tid()
-        i = f.place(c, g.n)
-        part = real(1.0)
-        near = clear[c]
-        if near[1] < real(1.0) * g.dx:
-            x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1)
-            known = planes()
-            count = int(0)
-            rays = int(wp.static(2 * dim))
-            for m in range(rays):
-                way = t.vec3()
-                way[m // 2] = real(RAY) * real(2 * (m % 2) - 1)
-                d, n = ray_wall_plane(shapes, x, way, clock[0] + clock[1])
-                row = int(-1)
-                for j in range(count):
-                    if known[j, 0] * n[0] + known[j, 1] * n[1] + known[j, 2] * n[2] > real(SAME):
-                        row = j
-                if row < 0 and d < real(1.0):
-                    row = count
-                    count += 1
-                    known[row, 0] = n[0]
-                    known[row, 1] = n[1]
-                    known[row, 2] = n[2]
-                    known[row, 3] = d
-                elif row >= 0:
-                    known[row, 3] = wp.min(known[row, 3], d)
-            for j in range(count):
-                d = known[j, 3]
-                part *= real(0.5) + d - real(0.5) * d * d
-        part_out[c] = wp.max(part, real(LEAST))
-
-    return wp.kernel(unhidden_hat_share, name=f"walls_share_{s.name}", module=module, enable_backward=False)
-
-
-@cache
 def particle_view_kernel(dim: int, kinds: tuple[str, ...], real, module):
-    """Kernel over rows: seen_out of each particle."""
+    """Kernel over rows: seen_out and reach_out of each particle; share: of the cells."""
     t, G, S, T = types(real), grid_structs(real), moved.fluid_shape_structs(real), particle_structs(real)
     f, r, cell, s = (grid_functions(dim, real), transfer_stencils(dim, real), particle_cell_function(dim, real),
                      moved.shape_queries(dim, kinds, real))
@@ -193,10 +131,32 @@ def particle_view_kernel(dim: int, kinds: tuple[str, ...], real, module):
                         bits = bits | (1 << ((e + 1) * corners + m))
         return bits
 
+    @wp.func
+    def visible_centers(g: G.Grid, share: wp.array(dtype=real), x: t.vec3, seen: int):
+        """Bits of the rows about x [m] less those of closed cells, and the sum of the hats of centres that are left."""
+        bits = seen
+        sum = real(0.0)
+        at = r.rows(g, -1, x)
+        corners = int(wp.static(2 ** dim))
+        for m in range(corners):
+            row = wp.vec3i(int(wp.floor(at[0])) + m % 2, int(wp.floor(at[1])) + (m // 2) % 2, 0)
+            w = r.hat(at[0] - real(row[0])) * r.hat(at[1] - real(row[1]))
+            if wp.static(dim == 3):
+                row[2] = int(wp.floor(at[2])) + m // 4
+                w *= r.hat(at[2] - real(row[2]))
+            if w > real(0.0) and r.sees(bits, -1, m):
+                if share[f.row(row[0], row[1], row[2], g.n, g.periodic)] > real(0.0):
+                    sum += w
+                else:
+                    bits = bits & ~(1 << m)
+        return bits, sum
+
     def find_visible_rows(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
-                          particles: T.Particles, seen_out: wp.array(dtype=int)):
+                          share: wp.array(dtype=real), particles: T.Particles, seen_out: wp.array(dtype=int),
+                          reach_out: wp.array(dtype=real)):
         p = wp.tid()
         bits = int(-1)
+        reach = real(1.0)
         if particles.id[p] >= 0:
             x = particles.x[p]
             near = clear[flat_cell_index(cell(g, x), g.n)]
@@ -204,7 +164,9 @@ def particle_view_kernel(dim: int, kinds: tuple[str, ...], real, module):
                 for k in range(shapes.of.kind.shape[0]):
                     if shapes.thin[k] != 0:
                         bits = bits & ~bits_hidden_by_wall(g, shapes, k, x, clock[1], clock[0] + clock[1])
+                bits, reach = visible_centers(g, share, x, bits)
         seen_out[p] = bits
+        reach_out[p] = reach
 
     return wp.kernel(find_visible_rows, name=f"walls_see_{dim}d_{'_'.join(kinds)}_{t.name}", module=module,
                      enable_backward=False)

@@ -15,7 +15,6 @@ from wsim.kernels.fluid.grid import grid_structs
 from wsim.kernels.fluid.pressure import FREE
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import extend, fill, motion, transfers
-from wsim.kernels.particles.gravity import liquid_gravity_kernel
 from wsim.kernels.particles.liquid_mask import wet_surface_kernel
 from wsim.model.structs import fill_struct
 from wsim.physics.fluid.grid.layout import Layout
@@ -77,7 +76,7 @@ class LiquidDomain:
         self.to_particles = transfers.grid_to_particle_kernel(dim, self.liquid.transfer, thin, real, module)
         self.fill = fill.cell_fill_kernel(dim, some, thin, real, module)
         self.wet = wet_surface_kernel(dim, real, module) if self.floating else None
-        self.pull = liquid_gravity_kernel(real, module)
+        self.pull = motion.liquid_gravity_kernel(real, module)
         self.sides = [pressure.closed_side_kernel(dim, a, real, module) for a in range(dim)]
         self.extend = extend.velocity_extension_kernel(dim, thin, real, module)
         self.move = motion.particle_motion_kernel(dim, some, thin, real, module)
@@ -179,7 +178,7 @@ class LiquidDomain:
         if self.liquid.volume:
             for a in range(self.layout.dim):
                 getattr(self.d, AXES[a]).zero_()
-            self.surface.spread(self.d, self.known, SPREAD)
+            self.surface.spread(self.d, self.known, SPREAD, self.walls.share if self.thin else None)
             self._extend_velocity_layers(self.d)
         if self.walls:
             wp.copy(self.order.aside.x, self.particles.x)

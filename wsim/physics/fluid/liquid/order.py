@@ -30,7 +30,7 @@ class ParticleOrder:
         from wsim.kernels.math.real import types
         t, zeros = types(self.threads.model.real), self.threads.zeros
         self.room, self.rank, self.order = room, zeros(room, int), zeros(room, int)
-        self.seen = zeros(room, int)                           # of particles beside thin walls (kernels/particles/walls.py)
+        self.seen, self.reach = zeros(room, int), zeros(room)  # of particles beside thin walls (kernels/particles/walls.py)
         self.cells = fill_struct(self.tables.Cells, first=self.first, order=self.order)
         self.aside = fill_struct(self.tables.Particles, x=zeros(room, t.vec3), v=zeros(room, t.vec3), id=zeros(room, int),
                                  **({"C": zeros(room, t.mat33)} if self.affine else {}))

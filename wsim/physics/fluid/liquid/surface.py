@@ -85,9 +85,10 @@ class LiquidSurface:
             bodies.push(self.p)
         self._push(self.push_kernel, u, known)
 
-    def spread(self, d: Any, known: list[wp.array], tolerance: float) -> None:
-        """The displacement of faces [m] into d, which is 0, that brings the liquid to its density at rest."""
-        self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.open,
+    def spread(self, d: Any, known: list[wp.array], tolerance: float, share: wp.array | None) -> None:
+        """The displacement of faces [m] into d, which is 0, that brings the liquid to its density at rest. share: of the cells,
+        beside thin walls."""
+        self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.open, share,
                                                               self.multigrid.grids[0].table], [self.r])
         self._solve_pressure(tolerance)
         self._push(self.spread_kernel, d, known)

@@ -1,12 +1,12 @@
 """Sides of walls on the device: particles stop at every shape, and of thin walls no face and no particle knows the other side
-(kernels/particles/walls.py, sides.py)."""
+(kernels/particles/walls.py, shares.py, sides.py)."""
 
 from typing import Any
 
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.particles import sides, walls
+from wsim.kernels.particles import shares, sides, walls
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.threads import Threads
@@ -14,7 +14,7 @@ from wsim.physics.fluid.liquid.order import ParticleOrder
 
 
 class Walls:
-    """clear: of each cell, to the nearest shape and thin wall [m]; share: part of its hat; cut: of the faces of each axis."""
+    """clear: of each cell, to the nearest shape and thin wall [m]; share: its room for particles; cut: of the faces."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any):
         real, module, dim, n = threads.model.real, threads.part("walls"), layout.dim, layout.cells
@@ -28,7 +28,7 @@ class Walls:
             self.open = [getattr(obstacles.open, AXES[a]) for a in range(dim)]
             self.cut = [threads.zeros(open_.size, int) for open_ in self.open]
             self.shut, self.part, self.see = (make(dim, kinds, real, module)
-                                              for make in (walls.wall_closure_kernel, walls.hat_share_kernel,
+                                              for make in (walls.wall_closure_kernel, shares.cell_share_kernel,
                                                            walls.particle_view_kernel))
 
     def update(self, clock: wp.array) -> None:
@@ -38,14 +38,14 @@ class Walls:
         if self.thin:
             for a, open_ in enumerate(self.open):
                 over(self.shut, open_.size, [self.grid, a, table, clock, self.clear], [open_, self.cut[a]])
-            over(self.part, n, [self.grid, table, clock, self.clear], [self.share])
+            over(self.part, n, [self.grid, table, clock, self.clear, self.obstacles.open], [self.share])
 
     def look(self, particles: Any, order: ParticleOrder, clock: wp.array) -> None:
         """Which rows of the grid each particle sees."""
-        particles.seen = order.seen
+        particles.seen, particles.reach = order.seen, order.reach
         order.cells.clear, order.cells.share = self.clear, self.share
-        inputs = [self.grid, self.obstacles.shapes.table, clock, self.clear, particles]
-        self.threads.over(self.see, order.room, inputs, [order.seen])
+        inputs = [self.grid, self.obstacles.shapes.table, clock, self.clear, self.share, particles]
+        self.threads.over(self.see, order.room, inputs, [order.seen, order.reach])
 
     def keep(self, particles: Any, order: ParticleOrder, clock: wp.array) -> None:
         """Particles that came from `order.aside` stay on their side."""
