@@ -150,12 +150,13 @@ class PointObject(ArrayDataclass):
     is_net          True: springs join its points, each with numbers of its own
     is_solid        True: tetrahedra fill it
     is_cluster      True: shape matching holds its points together
+    is_particles    True: nothing but constraints that are found as it moves joins its points
     """
 
     noun = "body"
     refused: dict[str, str] = {}         # noqa: RUF012  (nobody changes it)
     mesh_fields: tuple[str, ...] = ()
-    plural = is_sheet = is_net = is_solid = is_cluster = False
+    plural = is_sheet = is_net = is_solid = is_cluster = is_particles = False
 
     path: str
     points: Any
@@ -169,10 +170,11 @@ class PointObject(ArrayDataclass):
 
 class Deformable(PointObject):
     """What bodies of points answer, whatever they are made of: contacts, solvers, results and pictures ask this, and no class.
-    A class gives fields, or other values, where it differs. model: in-plane elasticity, of what has several."""
+    A class gives fields, or other values, where it differs. model: in-plane elasticity, of what has several.
+    collides_as_grains: its points are balls of their reach, which touch those of others and each other."""
 
     model = ""
-    self_collision = tethers = quadratic = False
+    self_collision = tethers = quadratic = collides_as_grains = False
     pressure = lift = weld = 0.0
     drag: float | None = 0.0
     actuation: Curve | None = None

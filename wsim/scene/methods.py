@@ -12,8 +12,7 @@ when a scene holds such a thing:
     show       triangles(prim) -> points (n, 3) and triangles (t, 3), in the prim's frame and the units of the stage
 
 Things of rows with `deforms` are bodies of points (`wsim.scene.bodies.Deformable`): rows behind them, which own nothing, move
-them. Colliders, pins, ties and loads have lists of their own in a scene; what they are checked and read by stands in
-scene/check and usd/prims.
+them. Colliders, pins, ties and loads have lists of their own in a scene; scene/check and usd/prims check and read them.
 """
 
 import re
@@ -58,6 +57,7 @@ METHODS: list[MethodRow] = [
     MethodRow("springs", "wsim.physics.cloth.nets", owns=("Springs",), deforms=True, gradients=True),
     MethodRow("soft", "wsim.physics.soft", owns=("Soft",), deforms=True, gradients=True),
     MethodRow("clusters", "wsim.physics.soft.clusters", owns=("Clusters",), deforms=True),
+    MethodRow("particles", "wsim.physics.position_based", owns=("Particles",), claims=("WsimParticlesAPI",), deforms=True),
     MethodRow("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     MethodRow("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
     MethodRow("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True,
@@ -78,6 +78,8 @@ METHODS: list[MethodRow] = [
               cost=MethodCost({"rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11}, {"rest": 4.5e-6, "sweep": 6e-7,
                "projection": 1.43e-8}, "wsim.simulation.cost:count_sweeps_choice")),
     MethodRow("shape_matching", "wsim.physics.soft.clusters.method", without="there are no clusters", pushes=True),
+    MethodRow("grains", "wsim.physics.position_based.grains", without="there are no grains", pushes=True),
+    MethodRow("density", "wsim.physics.position_based.fluid", without="no fluid moves by constraints", pushes=True),
     MethodRow("rigid", "wsim.physics.rigid", owns=("Body", "Joint", "Actuator", "Group", "FilteredPairs"),
               unseen=("Joint", "Actuator", "Group", "FilteredPairs"),
               claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS, "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI",
@@ -128,9 +130,7 @@ def owning_method(name: str) -> MethodRow | None:
 
 def method_file(name: str, file: str) -> Any:
     """A file of the folder that owns a dataclass of that name."""
-    row = owning_method(name)
-    assert row is not None
-    return row.role(file)
+    return next(row for row in METHODS if name in row.owns).role(file)
 
 
 def claiming_method(names) -> MethodRow | None:

@@ -49,8 +49,7 @@ def _motion_or_placement(path: str, at, more: dict) -> Motion:
 
 def _objects_of_class(name: str, doc: str) -> Any:
     """A list of `Scene.objects` as an attribute."""
-    return property(lambda scene: scene.objects.setdefault(name, []),
-                    lambda scene, things: scene.objects.update({name: things}), doc=doc)
+    return property(lambda s: s.objects.setdefault(name, []), lambda s, things: s.objects.update({name: things}), doc=doc)
 
 
 @dataclass(eq=False, repr=False)
@@ -172,6 +171,12 @@ class Scene(ArrayDataclass):
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
 
+    def particles(self, path: str, shape=None, at=(0.0, 0.0, 0.0), radius=0.01, **more) -> Any:
+        """Adds particles that constraints move (`wsim.physics.position_based.objects.Particles`), of `radius` [m]: they fill a
+        closed shape at a place `at` (3,) [m] or with motion=..., or are points=... (n, 3) [m]. material: "grains", `Grains`."""
+        more["motion"] = _motion_or_placement(path, at, more)
+        return self.add(method_file("Particles", "objects").make_particles(path, shape, radius, more))
+
     def body(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a rigid body (`wsim.Body`) of one shape, at a place `at` (3,) [m] or with motion=...; several shapes are its
         colliders=[...]. more: fields of `Body`, and of the collider: static_friction, dynamic_friction, restitution ..."""
@@ -224,15 +229,10 @@ class Scene(ArrayDataclass):
         return self.add(method_file("Liquid", "objects").Liquid(path, low, high, cell, **more))
 
     def mpm(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
-        """Adds a body of particles that break, pour and pile up (`wsim.physics.mpm.objects.MaterialPoints`), as in
-        `scene.mpm("/heap", Box((0.1, 0.1, 0.1)), at=(0, 0.1, 0), cell=0.04, material="sand")`.
-
-        shape      closed, at a place `at` (3,) [m] or with motion=...; or points=... (n, 3) [m] with volumes=... [m^3]
-        material   "jelly", "snow", "sand", "water", or `Jelly`, `Snow`, `Granular`, `Water` with numbers
-        cell       edge of a cell [m], one for all bodies; a full cell has 8 particles
-        velocity   (3,) [m/s]; spin (3,) [rad/s]; colors linear, (3,) or of each point
-        pour       `Pour(start, end, rate)` [s], [s], [kg/s]: the shape begins empty and pours with its velocity
-        """
+        """Adds a body of particles that break, pour and pile up (`wsim.physics.mpm.objects.MaterialPoints`): a closed shape
+        at a place `at` (3,) [m] or with motion=..., or points=... (n, 3) [m] with volumes=... [m^3]; material "jelly",
+        "snow", "sand", "water" or one of their classes; cell: edge of a cell [m], one for all bodies; velocity (3,) [m/s];
+        pour: `Pour(start, end, rate)`. As in `scene.mpm("/heap", Box((0.1, 0.1, 0.1)), cell=0.04, material="sand")`."""
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 

@@ -60,6 +60,7 @@ class SchemeChoice:
     other: "SchemeChoice | None" = None      # what goes on where explicit steps that nobody named tear an edge
     error: float | None = None               # predicted, over the scene's size: `wsim.simulation.predicted.errors`
     omega: float = 0.0                       # highest frequency [rad/s] of Newton steps of sheets, where it is known
+    judged: bool = True                      # an error is predicted
     slowed: bool = False                     # leapfrog of as many substeps as mass for slivers leaves
     bears: float = inf                       # stretch of an edge up to which explicit steps that are named are stable, and
     least: int = 0                           # substeps that bear any: `stability.bears`
@@ -74,7 +75,7 @@ class SchemeChoice:
 def choose_scheme(model: Model, named: str = "") -> SchemeChoice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     found = _choose_by_scene(model, named)
-    if (model.scene.solver, model.scene.integrator) != ("auto", "auto") or not falling_bodies(model):
+    if (model.scene.solver, model.scene.integrator) != ("auto", "auto") or not (falling_bodies(model) and found.judged):
         return found
     error = found.error if found.error is not None else predict_choice_error(model, found)
     return replace(found, error=error,
@@ -100,6 +101,8 @@ def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
         return SchemeChoice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
     if method and method.rebounds and method_colliders(scene):
         return replace(_choose_by_scene(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
+    if any(body.is_particles for body in scene.bodies()):
+        return replace(_choice_as_named(scene, "xpbd", TABLE["backward_euler"], "constraints move particles"), judged=False)
     if any(body.is_cluster for body in scene.bodies()):
         return _choose_for_clusters(model, method)
     if scene.solver == "explicit" or (method and method.explicit):
@@ -122,8 +125,8 @@ def _choose_for_clusters(model: Model, method: Integrator | None) -> SchemeChoic
     scene, solver = model.scene, "implicit" if model.scene.solver == "implicit" or has_tets(model.scene) else "xpbd"
     if method or scene.solver != "auto":
         return _choice_as_named(scene, solver, method or TABLE["backward_euler"], "the scene names it")
-    found = _choose_backward_euler(model, solver, min(scene.iterations, SOLVED) if has_tets(scene) else scene.iterations)
-    return replace(found, why="bodies keep their shape in clusters, which XPBD projects")
+    most = min(scene.iterations, SOLVED) if has_tets(scene) else scene.iterations
+    return replace(_choose_backward_euler(model, solver, most), why="bodies keep their shape in clusters, which XPBD projects")
 
 
 def _choose_for_soft_bodies(model: Model, method: Integrator | None) -> SchemeChoice:

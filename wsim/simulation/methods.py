@@ -83,7 +83,7 @@ class Build:
         one launch: another, without contacts, costs more to compile than contacts that are far cost."""
         if not self.reasons["contact"] or self.others_within and self.model.fuser and not self.model.device.is_cuda:
             return False
-        if self.taken - {"aero", "contact", "loads"}:
+        if self.reasons["grains"] or self.reasons["density"] or self.taken - {"aero", "contact", "loads"}:
             return False
         from wsim.physics.contact.free_flight_test import allows_free_flight
         return allows_free_flight(self.scene, self.model.gradients)
@@ -144,6 +144,10 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "implicit": _reason_for_solver("implicit"),
     "xpbd": _reason_for_xpbd,
     "shape_matching": lambda b: "bodies keep their shape in clusters" * any(body.is_cluster for body in b.scene.bodies()),
+    "grains": lambda b: f"{n} grains" if (n := sum(body.count for body in b.model.bodies
+                                                   if getattr(body.source, "collides_as_grains", False))) else "",
+    "density": lambda b: f"{n} particles of a fluid" if (n := sum(body.count for body in b.model.bodies
+                                                                  if getattr(body.source, "is_fluid", False))) else "",
     "contact": _reason_for_contact,
     "selfcontact": lambda b: "surfaces collide with themselves" if has_self_collision(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
@@ -171,8 +175,9 @@ def build_method_of_row(row: MethodRow, b: Build) -> Method | None:
         if row.name == "selfcontact":
             raise gradient_refusal("surfaces",
                                    next(body.path for body in b.scene.bodies() if body.self_collision))
-        owned = b.scene.things((row.owns or ("Clusters",))[0])          # a method that owns nothing holds clusters together
-        raise gradient_refusal("method", owned[0].path if owned else "/", method=row.name.replace("_", " "))
+        path = b.scene.things(row.owns[0])[0].path if row.owns else next(
+            (body.path for body in b.scene.bodies() if body.is_cluster or body.is_particles), "/")
+        raise gradient_refusal("method", path, method=row.name.replace("_", " "))
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 
@@ -208,7 +213,8 @@ def kernel_signature(b: Build) -> list:
     return [sorted(name for name, reason in b.reasons.items() if reason and name != "watch"), others, b.model.real.__name__,
             b.choice.solver, b.choice.integrator.name, b.choice.iterations > 1,
             sorted({type(c.shape).__name__ for c in scene.colliders}), any(body.is_net for body in scene.bodies()),
-            *(sorted({trait for body in scene.things(name) for trait in body.kernel_traits()}) for name in deforming_classes()),
+            *(sorted({trait for body in scene.things(name) for trait in body.kernel_traits()}) for name in deforming_classes()
+              if name != "Particles"),                   # they have kernels in modules of their own
             sorted({isfinite(p.stiffness) for p in scene.pins}),
             *("clearance" for _ in [0] if b.free), *("edges" for _ in [0] if b.edges),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),

@@ -101,12 +101,13 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
     reading.points = bool(pairs)
     taken = {prim.GetPath() for prim, _ in pairs}
     taken.update(path for row, prim in found.others
-                 for path in getattr(row.role("usd"), "within", _load_no_objects)(reading, prim))
+                 for path in getattr(row.role("usd"), "within", lambda *_: [])(reading, prim))
     for prim in found.colliders:
         if prim.GetPath() not in taken and not _is_part_of_deformable(prim, found):
             collider = load_collider(reading, prim)
             if collider is not None:
                 scene.colliders.append(collider)
+    _load_owned_things(reading, scene, found, True)
     by_path = {thing.path: thing for thing in point_objects(scene)}
     above = {str(body.GetPath()): by_path[path] for prim, body in pairs if (path := str(prim.GetPath())) in by_path}
     by_path = {**above, **by_path}
@@ -121,16 +122,16 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
     if found.loads and not failed:
         from wsim.usd.prims.loads import load_applied_force
         scene.loads += [load for prim in found.loads if (load := load_applied_force(reading, prim, by_path)) is not None]
-    for row, prim in found.others:
-        given = row.role("usd").load(reading, prim)
-        for thing in given if isinstance(given, list) else [given] if given is not None else []:
-            scene.add(thing)
+    _load_owned_things(reading, scene, found, False)
     _sort_things(scene, found.scenes)
     return _finish_scene(reading, scene, found)
 
 
-def _load_no_objects(reading: stages.StageReading, prim: Usd.Prim) -> list:
-    return []
+def _load_owned_things(reading: stages.StageReading, scene: Scene, found: SortedPrims, deform: bool) -> None:
+    for row, prim in found.others:
+        given = row.role("usd").load(reading, prim) if row.deforms == deform else None
+        for thing in given if isinstance(given, list) else [given] if given is not None else []:
+            scene.add(thing)
 
 
 def _load_deformable_body(reading: stages.StageReading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:
@@ -139,8 +140,8 @@ def _load_deformable_body(reading: stages.StageReading, scene: Scene, prim: Usd.
         root = prim
         while not root.IsInstance():
             root = root.GetParent()
-        reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents "
-                     f"cannot be written over; author instanceable = false on {root.GetPath()}")
+        reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents cannot be "
+                     f"written over; author instanceable = false on {root.GetPath()}")
     elif names.VOLUME_SIM in apis or names.SURFACE_SIM in apis:
         kind = "soft" if names.VOLUME_SIM in apis else "cloth"
         if (thing := import_module(f"wsim.usd.prims.{kind}").load_body(reading, prim, body)) is not None:
@@ -198,8 +199,7 @@ def _collision_enabled(prim: Usd.Prim) -> bool:
 
 def _simulated_pairs(reading: stages.StageReading, found: SortedPrims) -> list[tuple[Usd.Prim, Usd.Prim]]:
     """(simulation geometry, body) of everything to simulate."""
-    pairs: list[tuple[Usd.Prim, Usd.Prim]] = []
-    claimed: set = set()
+    pairs, claimed = [], set()      # type: list[tuple[Usd.Prim, Usd.Prim]], set
     for body in list(found.bodies):
         sims = [p for p in found.simulated if p.GetPath() == body.GetPath()] or [
             p for p in found.simulated if p.GetParent().GetPath() == body.GetPath() and p not in found.bodies]
@@ -208,8 +208,8 @@ def _simulated_pairs(reading: stages.StageReading, found: SortedPrims) -> list[t
             reading.fail(body.GetPath(), f"is one deformable body with {len(sims)} simulation geometries ("
                          f"{', '.join(str(p.GetPath()) for p in sims)}); allowed is one: give each its own " f"{names.BODY}")
         elif not sims and not any(claiming_method(stages.applied_schemas(prim)) for prim in (body, *body.GetChildren())):
-            reading.warn(body.GetPath(), f"has {names.BODY}, and neither it nor a direct child has a simulation API "
-                         f"(such as {names.SURFACE_SIM}); it is left out")
+            reading.warn(body.GetPath(), f"has {names.BODY}, and neither it nor a direct child has a simulation API (such as "
+                         f"{names.SURFACE_SIM}); it is left out")
         elif not sims:
             continue                                  # a method reads it
         elif read_attribute(body, "Body", "enabled") is False:
@@ -222,8 +222,7 @@ def _simulated_pairs(reading: stages.StageReading, found: SortedPrims) -> list[t
                 _warn_of_followers(reading, sims[0], body)
     for prim in found.simulated:
         if prim.GetPath() not in claimed:
-            reading.warn(prim.GetPath(), f"has a simulation API and no {names.BODY} on it or its parent; it is taken "
-                                         "as a body")
+            reading.warn(prim.GetPath(), f"has a simulation API and no {names.BODY} on it or its parent; it is taken as a body")
             pairs.append((prim, prim))
     return pairs
 
@@ -241,8 +240,8 @@ def _warn_of_followers(reading: stages.StageReading, sim: Usd.Prim, body: Usd.Pr
     """Notes what lies in a body of cloth or springs and will not follow it; a soft body has skins."""
     for prim in Usd.PrimRange(body):
         if prim.IsA(UsdGeom.PointBased) and prim.GetPath() != sim.GetPath() and not prim.HasRelationship(names.GUIDES):
-            reading.warn(prim.GetPath(), f"lies in the deformable body {body.GetPath()} and is not its simulation "
-                         "geometry: it does not follow yet")
+            reading.warn(prim.GetPath(), f"lies in the deformable body {body.GetPath()} and is not its simulation geometry: it "
+                         "does not follow yet")
 
 
 def _is_part_of_deformable(prim: Usd.Prim, found: SortedPrims) -> bool:

@@ -19,15 +19,13 @@ VOLUME_SIM = "PhysicsVolumeDeformableSimAPI"
 SURFACE_MATERIAL = table.SHEET
 CURVES_MATERIAL = "PhysicsCurvesDeformableMaterialAPI"
 VOLUME_MATERIAL = table.SOLID
-POSE = "PhysicsDeformablePoseAPI"       # applied by name: POSE:<name>
-ATTACHMENT = "PhysicsAttachment"
+POSE, ATTACHMENT = "PhysicsDeformablePoseAPI", "PhysicsAttachment"       # the first applied by name: POSE:<name>
 ELEMENT_FILTER = "PhysicsElementCollisionFilter"
 COLLISION_GROUP, FILTERED_PAIRS, FILTERED = "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI", "physics:filteredPairs"
 
 # Schemas of UsdPhysics.
 PHYSICS_SCENE = "PhysicsScene"
-COLLISION = "PhysicsCollisionAPI"
-MESH_COLLISION = "PhysicsMeshCollisionAPI"
+COLLISION, MESH_COLLISION = "PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"
 RIGID_BODY, MASS, FIXED_JOINT = "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsFixedJoint"
 JOINTS_ADD = "newton:jointsAddMobility"
 MATERIAL = table.RUB
@@ -39,25 +37,21 @@ WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "W
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID, WSIM_ACTUATOR = ("WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI",
                                                          "WsimActuatorAPI")
 ACTUATORS = ("MjcActuator", "NewtonActuator")
-WSIM_SHAPES, WSIM_DOMAIN, WSIM_SOURCE = table.HELD, table.DOMAIN, table.SOURCE
-WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
+WSIM_SHAPES, WSIM_DOMAIN, WSIM_SOURCE, WSIM_LIQUID, WSIM_POUR = table.HELD, table.DOMAIN, table.SOURCE, table.LIQUID, table.POUR
 NEWTON_POINTS, NEWTON_MATERIAL, NEWTON_MPM_SCENE = "NewtonPointsDeformableSimAPI", "NewtonMPMMaterialAPI", "NewtonMPMSceneAPI"
-PHYSX_SET = "PhysxParticleSetAPI"
-WSIM_RODS, WSIM_GRAINS, WSIM_DRAIN = "WsimRodsAPI", "WsimMaterialPointsAPI", "WsimMaterialSinkAPI"
-WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
+WSIM_RODS, WSIM_GRAINS, WSIM_DRAIN, PHYSX_SET = ("WsimRodsAPI", "WsimMaterialPointsAPI", "WsimMaterialSinkAPI",
+                                                 "PhysxParticleSetAPI")
+WSIM_SKELETON, WSIM_CORRECTIVE, WSIM_PARTICLES = "WsimSkeletonAPI", "WsimCorrectiveAPI", "WsimParticlesAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
-YOUNGS_MODULUS = 1.0e6      # [Pa]
-POISSONS_RATIO = 0.3
-THICKNESS = 1.0e-3          # [m]
-DENSITY = 1.0e3             # [kg/m^3]
+YOUNGS_MODULUS, POISSONS_RATIO = 1.0e6, 0.3      # [Pa], [1]
+THICKNESS, DENSITY = 1.0e-3, 1.0e3      # [m], [kg/m^3]
 GRAVITY = 9.81              # [m/s^2]
 
 # Powers of (length, mass) in each unit; time is in seconds on every stage.
 UNITS = {
     "1": (0, 0), "s": (0, 0), "1/s": (0, 0), "rad": (0, 0), "rad/s": (0, 0), "m": (1, 0), "m/s": (1, 0), "m/s^2": (1, 0),
-    "kg": (0, 1),
-    "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
+    "kg": (0, 1), "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
     "K": (0, 0), "K/s": (0, 0), "1/K": (0, 0), "m^2/s": (2, 0), "kg m^2": (2, 1),
     "1/s^2": (0, 0), "kg/(m^2 s)": (-2, 1), "Pa s": (-1, 1), "m^3": (3, 0), "kg/s": (0, 1),
 }
@@ -206,6 +200,11 @@ OTHERS = (
         "tension_limit tensionLimit double 1", "hardening hardening double 1", "friction_angle frictionAngle double rad",
         "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1", "pour_start pourStart double 1",
         "pour_end pourEnd double 1", "pour_rate pourRate double kg/s"))),
+    *(AttributeEntry("Particles", name, schema, prefix + usd, kind, unit, kind == "token") for schema, prefix, rows in (
+        ("Points", "", "points points point3f[] m|velocities velocities vector3f[] m/s|widths widths float[] m"),
+        (WSIM_PARTICLES, "wsim:particles:", "material material token 1|radius radius double m|density density double kg/m^3|"
+         "static_friction staticFriction double 1|dynamic_friction dynamicFriction double 1|viscosity viscosity double Pa s|"
+         "smoothing smoothing double 1")) for name, usd, kind, unit in (row.split(" ", 3) for row in rows.split("|"))),
     AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
     AttributeEntry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),

@@ -23,7 +23,7 @@ PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material"
           names.WSIM_RIGID: names.RIGID_BODY, names.WSIM_ACTUATOR: names.WSIM_ACTUATOR,
           names.WSIM_DOMAIN: names.WSIM_DOMAIN, names.WSIM_SOURCE: names.WSIM_SOURCE,
           names.WSIM_LIQUID: names.WSIM_LIQUID, names.WSIM_POUR: names.WSIM_POUR, names.WSIM_GRAINS: names.WSIM_GRAINS,
-          names.WSIM_SKELETON: "Skeleton", names.WSIM_CORRECTIVE: "BlendShape"}
+          names.WSIM_SKELETON: "Skeleton", names.WSIM_CORRECTIVE: "BlendShape", names.WSIM_PARTICLES: names.WSIM_PARTICLES}
 SCHEMAS = tuple(v for v in vars(names).values() if isinstance(v, str) and v.startswith(("Physics", "Wsim")))
 DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.SURFACE_MATERIAL, names.CURVES_MATERIAL,
               names.VOLUME_MATERIAL, names.ATTACHMENT, names.PHYSICS_SCENE, "Material"}    # whose physics: names wsim reads

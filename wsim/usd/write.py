@@ -60,6 +60,8 @@ def _author_scene(stage: Usd.Stage, scene: Scene, units: StageUnits) -> None:
             _author_soft(stage, thing, materials, taken, units, scene.frames)
         elif getattr(thing, "is_cluster", False):
             method_file("Clusters", "usd").author_clusters(stage, thing, materials.of(thing), units, scene.frames)
+        elif (owner := owning_method(type(thing).__name__)) and owner.deforms and owner.role("usd"):
+            owner.role("usd").author(stage, thing, units, scene.frames)
         elif isinstance(thing, Tie):
             author_tie(stage, thing, by_path[thing.body], carriers.get(thing.other) if thing.others is None else None, units)
         elif isinstance(thing, Load):

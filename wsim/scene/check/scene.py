@@ -258,7 +258,7 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
                                  "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
         pieces = np.unique(label[label >= 0])
         loose = np.setdiff1d(pieces, label[held])
-        if len(pieces) > 1 and len(loose):
+        if len(pieces) > 1 and len(loose) and not body.is_particles:
             yield object_warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
                                  "one piece, or pieces meant to fall apart",
                                  "make their points shared ones, pin each of them, or split the mesh"

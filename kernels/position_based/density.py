@@ -1,0 +1,291 @@
+"""Fluids by constraints on density (Macklin, Mueller 2013), as multipliers that last over iterations and substeps.
+
+    x = y + u  where a particle is, y where the substep began [m]      d  distance of particles at rest [m]     V = d^3
+    r, e       distance of a pair [m], unit vector from j to i         H  reach of the kernel, 2 d              s  distance to
+    a wall W(r) = 15 / (pi H^3) (1 - r/H)^3          G_ij = V / S W'(r) e     lam  multiplier, a pressure is lam / (g^2 V)
+    [Pa]
+
+    C_i = (sum_j V W_ij + sum_walls B(s)) / S - 1 <= 0                 S: the same sum where d is the lattice's, 1.236
+    D_i = w |sum_j G_ij + G_wall|^2 + w sum_j |G_ij|^2                 all particles have one inverse mass w, but those held: 0
+    lam_i' = max(lam_i + omega C_i / D_i, 0)
+    d_i -= w_i (sum_j (dlam_i + dlam_j) G_ij + dlam_i G_wall)          dlam = lam' - lam
+
+Of the kernels in use this one has nearly the same sum on each lattice (cubic, face-centred, body-centred: 1.2359, 1.2336,
+1.2357), so that a fluid keeps its volume however its particles come to lie; and it pushes hardest where they are close.
+Pressure is never negative, so that no artificial pressure (eq. 13 there) has to part what tension would draw together. Pairs
+take opposite pushes: momentum is kept to rounding.
+
+A wall stands for layers of particles at s + d/2 and s + 3d/2 behind it, each spread over its plane:
+
+    B(s) = sum_k 1.5 d/H (1 - q)^4 (1 + 4 q),   q = (s + (k + 1/2) d) / H,        B' = sum_k -30 d/H^2 q (1 - q)^3
+
+In a corner layers would count twice: walls together have the part 1 - product of (1 - B / S).
+
+All particles are corrected at once (Jacobi), omega below 1; they converge over substeps, since pressures last. Of an error that
+is there as a substep begins the part `keep` may stay: a push that takes all of it at once is a velocity, and the fluid boils.
+Self-terms and the kernel's slope dilute both: with K = -sum_j r.G_ij / 3 = 0.76 the error of the volume is C / K, and the
+pressure K lam / (g^2 V), its virial.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+from math import pi
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.contact.collider.colliders import collider_type
+from wsim.kernels.contact.collider.table import collider_queries
+from wsim.kernels.math.real import types
+from wsim.kernels.position_based.neighbours import neighbour_structs
+
+REACHED = 2.0          # H over d
+LATTICE = 1.2359       # S, of the cubic lattice
+WALLS = 3              # of a particle at most: a corner has three
+
+
+@cache
+def fluid_structs(real) -> SimpleNamespace:
+    """Structs: FluidTable (constants and scratch by place)."""
+    t = types(real)
+
+    @wp.struct
+    class FluidTable:
+        d: t.scalar                        # distance at rest [m]
+        omega: t.scalar                    # relaxation [1]
+        w: wp.array(dtype=t.scalar)        # inverse mass of points of the state
+        y: wp.array(dtype=t.vec3)          # by k [m]
+        u: wp.array(dtype=t.vec3)          # by k [m]
+        lam: wp.array(dtype=t.scalar)      # by k [J s^2]
+        change: wp.array(dtype=t.scalar)   # of lam in an iteration, by k
+        wall: wp.array(dtype=t.vec4)       # normal, and s of y; entry e of place k at e * count + k; s >= H: none
+        push: wp.array(dtype=t.vec3)       # G_wall, by k [1/m]
+        pressure: wp.array(dtype=t.scalar) # by p [Pa], what lasts
+        tight: wp.array(dtype=t.scalar)    # C, by k
+        left: wp.array(dtype=t.scalar)     # of C, that a substep may leave, by k
+        keep: t.scalar                     # part of an error at the start that a substep leaves [1]
+
+    return SimpleNamespace(FluidTable=FluidTable)
+
+
+@wp.func
+def kernel_weight(r: Any, H: Any):
+    """V W(r) / S, for V = (H / 2)^3."""
+    q = type(r)(1.0) - r / H
+    if q <= type(r)(0.0):
+        return type(r)(0.0)
+    return type(r)(15.0 / (8.0 * pi * LATTICE)) * q * q * q
+
+
+@wp.func
+def kernel_slope(r: Any, H: Any):
+    """V W'(r) / S [1/m]."""
+    q = type(r)(1.0) - r / H
+    if q <= type(r)(0.0):
+        return type(r)(0.0)
+    return type(r)(-45.0 / (8.0 * pi * LATTICE)) * q * q / H
+
+
+@wp.func
+def wall_weight(s: Any, H: Any):
+    """(B(s) / S, its slope [1/m]) for d = H / 2."""
+    one = type(s)(1.0)
+    B = type(s)(0.0)
+    slope = type(s)(0.0)
+    for k in range(2):
+        q = wp.max(s / H + type(s)(0.25) + type(s)(0.5) * type(s)(k), type(s)(0.0))
+        a = wp.max(one - q, type(s)(0.0))
+        B += type(s)(0.75 / LATTICE) * a * a * a * a * (one + type(s)(4.0) * q)
+        slope -= type(s)(15.0 / LATTICE) * q * a * a * a / H
+    return B, slope
+
+
+@cache
+def fluid_gather_kernel(real, module):
+    """Kernel over places: y, u and the pressures that last, in the order of cells; h [s]."""
+    t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
+
+    def gather_fluid(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, x: wp.array(dtype=t.vec3),
+                     d: wp.array(dtype=t.vec3), h: real):
+        k = wp.tid()
+        p = c.order[k]
+        i = rows.point[p]
+        f.y[k] = x[i] + rows.shift[p]
+        f.u[k] = d[i]
+        lam = f.pressure[p] * h * h * f.d * f.d * f.d
+        f.lam[k] = lam
+        f.change[k] = lam
+
+    return wp.kernel(gather_fluid, name=f"fluid_gather_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
+    """Kernel over places: the walls within reach of a particle at the end of a substep, at the time [s] of the frame."""
+    t, S = types(real), fluid_structs(real)
+    Colliders, ask = collider_type(real), collider_queries(kinds, real)
+
+    def find_fluid_walls(f: S.FluidTable, colliders: Colliders, time: real):
+        k = wp.tid()
+        H = real(REACHED) * f.d
+        far = H + wp.length(f.u[k])
+        m = int(0)
+        for c in range(colliders.kind.shape[0]):
+            s, n, place = ask.closest(colliders, c, f.y[k], time)
+            if s < far and m < wp.static(WALLS):
+                f.wall[m * f.y.shape[0] + k] = t.vec4(n[0], n[1], n[2], s)
+                m += 1
+        for e in range(m, wp.static(WALLS)):
+            f.wall[e * f.y.shape[0] + k] = t.vec4(real(0.0), real(0.0), real(0.0), real(1.0e30))
+
+    return wp.kernel(find_fluid_walls, name=f"fluid_walls_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def fluid_motion_kernel(real, module):
+    """Kernel over places: u in the order of cells, before an iteration."""
+    t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
+
+    def gather_fluid_motion(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, d: wp.array(dtype=t.vec3)):
+        k = wp.tid()
+        f.u[k] = d[rows.point[c.order[k]]]
+
+    return wp.kernel(gather_fluid_motion, name=f"fluid_motion_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def wall_density_func(real):
+    """Function (f, k, moved) -> (part of the density that walls stand for, its slope G_wall), at y + moved u of place k."""
+    t, S = types(real), fluid_structs(real)
+
+    @wp.func
+    def density_of_walls(f: S.FluidTable, k: int, moved: real):
+        H = real(REACHED) * f.d
+        free = real(1.0)
+        wall = t.vec3()
+        for e in range(wp.static(WALLS)):
+            row = f.wall[e * f.y.shape[0] + k]
+            n = t.vec3(row[0], row[1], row[2])
+            gap = row[3] + moved * wp.dot(n, f.u[k])
+            if gap < H:
+                B, slope = wall_weight(gap, H)
+                wall = (real(1.0) - B) * wall + (free * slope) * n
+                free = free * (real(1.0) - B)
+        return real(1.0) - free, wall
+
+    return density_of_walls
+
+
+@cache
+def density_func(real):
+    """Function (f, lists, k) -> (C, sum_j G_ij + G_wall, sum_j |G_ij|^2, G_wall) of place k."""
+    t, N, S, walls = types(real), neighbour_structs(real), fluid_structs(real), wall_density_func(real)
+
+    @wp.func
+    def density_at_place(f: S.FluidTable, lists: N.PairLists, k: int, moved: real):
+        H = real(REACHED) * f.d
+        x = f.y[k] + moved * f.u[k]
+        total = kernel_weight(real(0.0), H)
+        G = t.vec3()
+        square = real(0.0)
+        for s in range(lists.count[k]):
+            other = lists.other[s * lists.size + k]
+            way = x - f.y[other] - moved * f.u[other]
+            r = wp.length(way)
+            if r < H and r > real(0.0):
+                total += kernel_weight(r, H)
+                slope = kernel_slope(r, H)
+                G += (slope / r) * way
+                square += slope * slope
+        B, wall = walls(f, k, moved)
+        return total + B - real(1.0), G + wall, square, wall
+
+    return density_at_place
+
+
+@cache
+def fluid_pressure_kernel(real, module):
+    """Kernel over places: one iteration of the multipliers."""
+    t, N, S, density = types(real), neighbour_structs(real), fluid_structs(real), density_func(real)
+
+    def solve_fluid_pressure(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable):
+        k = wp.tid()
+        C, G, square, wall = density(f, lists, k, real(1.0))
+        w = f.w[rows.point[c.order[k]]]
+        D = w * (wp.dot(G, G) + square)
+        lam = f.lam[k]
+        new = real(0.0)
+        if D > real(0.0):
+            new = wp.max(lam + f.omega * (C - f.left[k]) / D, real(0.0))
+        f.lam[k] = new
+        f.change[k] = new - lam
+        f.push[k] = wall
+        f.tight[k] = C
+
+    return wp.kernel(solve_fluid_pressure, name=f"fluid_pressure_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def fluid_left_kernel(real, module):
+    """Kernel over places: what a substep may leave of the error where it begins."""
+    N, S, density = neighbour_structs(real), fluid_structs(real), density_func(real)
+
+    def allow_density_error(lists: N.PairLists, f: S.FluidTable):
+        k = wp.tid()
+        C, G, square, wall = density(f, lists, k, real(0.0))
+        f.left[k] = f.keep * wp.max(C, real(0.0))
+
+    return wp.kernel(allow_density_error, name=f"fluid_left_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def fluid_push_kernel(real, module):
+    """Kernel over places: what changes of multipliers move."""
+    t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
+
+    def push_fluid(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable, d_out: wp.array(dtype=t.vec3)):
+        k = wp.tid()
+        H = real(REACHED) * f.d
+        x = f.y[k] + f.u[k]
+        own = f.change[k]
+        move = own * f.push[k]
+        for s in range(lists.count[k]):
+            other = lists.other[s * lists.size + k]
+            both = own + f.change[other]
+            if both != real(0.0):
+                way = x - f.y[other] - f.u[other]
+                r = wp.length(way)
+                if r < H and r > real(0.0):
+                    move += (both * kernel_slope(r, H) / r) * way
+        i = rows.point[c.order[k]]
+        d_out[i] = d_out[i] - f.w[i] * move
+
+    return wp.kernel(push_fluid, name=f"fluid_push_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def fluid_wall_push_kernel(real, module):
+    """Kernel over places: G_wall where a substep begins."""
+    S, walls = fluid_structs(real), wall_density_func(real)
+
+    def start_wall_push(f: S.FluidTable):
+        k = wp.tid()
+        B, wall = walls(f, k, real(1.0))
+        f.push[k] = wall
+
+    return wp.kernel(start_wall_push, name=f"fluid_wall_push_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def fluid_keep_kernel(real, module):
+    """Kernel over places: pressures [Pa] for the next substep, after one of h [s]."""
+    N, S = neighbour_structs(real), fluid_structs(real)
+
+    def keep_fluid_pressure(c: N.CellTable, f: S.FluidTable, h: real):
+        k = wp.tid()
+        f.pressure[c.order[k]] = f.lam[k] / (h * h * f.d * f.d * f.d)
+
+    return wp.kernel(keep_fluid_pressure, name=f"fluid_keep_{types(real).name}", module=module, enable_backward=False)

@@ -1,0 +1,221 @@
+"""Pairs of grains that may touch in a substep, and the forces that last from one substep to the next. See grains.py.
+
+Overlaps that are there as a substep begins move places alone, not velocities (pre-stabilization, Macklin et al. 2014, section
+4.4): those of a grain together, over one more than there are, a substep. A pair is looked at in the iterations where its gap,
+or that which free motion would leave, is small. Contacts stand in the order of the grains' numbers, whatever the lists are,
+so that a run that goes on from a file has the same bits.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.position_based.grains import grain_structs
+from wsim.kernels.position_based.neighbours import neighbour_structs
+
+SLOP = 1e-3            # of R_i + R_j: overlap that is left alone, so that contacts last
+NEAR = 0.05            # of R_i + R_j: gap up to which a pair may touch in the iterations of a substep
+RELAXED = 1.0          # over one more than a grain's overlaps: part of their sum that a substep takes away
+TOLD = 2e-3            # of R_i + R_j: overlap that is told
+FAR = 4.0              # of a radius: way in a substep from which grains may pass through others
+FASTEST = 0.2          # of the least radius: way of an overlap's correction in a substep
+
+
+@cache
+def pair_normal_func(real):
+    """Function (y_i - y_j, i, j) -> (n, distance); coincident ones get a direction from their numbers, opposite for both."""
+    t = types(real)
+
+    @wp.func
+    def normal_of_pair(way: t.vec3, i: int, j: int):
+        D = wp.length(way)
+        n = t.vec3()
+        if D > real(0.0):
+            n = way / D
+        else:
+            low = wp.min(i, j)
+            seed = wp.rand_init(low, wp.max(i, j))
+            z = real(wp.randf(seed, -1.0, 1.0))
+            turn = real(wp.randf(seed, 0.0, 6.2831853))
+            flat = wp.sqrt(wp.max(real(1.0) - z * z, real(0.0)))
+            n = t.vec3(flat * wp.cos(turn), flat * wp.sin(turn), z)
+            if i != low:
+                n = -n
+        return n, D
+
+    return normal_of_pair
+
+
+@cache
+def gather_kernel(real, module):
+    """Kernel over places: y, u and friction of the particles in the order of cells. fast: how many go farther in this substep
+    than FAR times their radius, so that they may pass through others unseen."""
+    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+
+    def gather_grains(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, x: wp.array(dtype=t.vec3),
+                      d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), fast: wp.array(dtype=int)):
+        k = wp.tid()
+        p = c.order[k]
+        i = rows.point[p]
+        g.y[k] = x[i] + rows.shift[p]
+        g.u[k] = d[i] - a[i]
+        g.rub[k] = g.friction[p]
+        if wp.length(d[i]) > real(FAR) * rows.reach[p]:
+            wp.atomic_add(fast, 0, 1)
+
+    return wp.kernel(gather_grains, name=f"grains_gather_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def overlap_kernel(real, module):
+    """Kernel over places: `back`, and the greatest overlap [1e-6 of R_i + R_j] into `worst`."""
+    t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
+
+    def measure_overlaps(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, g: S.GrainTable, most: real,
+                         worst: wp.array(dtype=int)):
+        k = wp.tid()
+        p = c.order[k]
+        w = g.w[rows.point[p]]
+        y = g.y[k]
+        back = t.vec3()
+        number = real(0.0)
+        deepest = real(0.0)
+        for s in range(lists.count[k]):
+            other = lists.other[s * lists.size + k]
+            o = c.order[other]
+            R = rows.reach[p] + rows.reach[o]
+            way = y - g.y[other]
+            if wp.length_sq(way) < R * R:
+                n, D = normal(way, p, o)
+                over = R - D
+                deepest = wp.max(deepest, over / R)
+                over -= real(SLOP) * R
+                both = w + g.w[rows.point[o]]
+                if over > real(0.0) and both > real(0.0):
+                    back += (over * w / both) * n
+                    number += real(1.0)
+        if number > real(0.0):
+            back *= real(RELAXED) / (real(1.0) + number)
+            size = wp.length(back)
+            if size > most:
+                back *= most / size
+        g.back[k] = back
+        if deepest > real(TOLD):
+            wp.atomic_max(worst, 0, int(real(1.0e6) * deepest))
+
+    return wp.kernel(measure_overlaps, name=f"grains_overlap_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def stabilize_kernel(real, module):
+    """Kernel over places: places without the overlaps that go."""
+    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+
+    def move_apart(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, x_out: wp.array(dtype=t.vec3)):
+        k = wp.tid()
+        back = g.back[k]
+        if wp.length_sq(back) > real(0.0):
+            i = rows.point[c.order[k]]
+            x_out[i] = x_out[i] + back
+            g.y[k] = g.y[k] + back
+
+    return wp.kernel(move_apart, name=f"grains_apart_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def contact_kernel(real, module):
+    """Kernel over places: pairs of the lists that may touch in this substep, in the order of their numbers."""
+    t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
+
+    def find_grain_contacts(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts):
+        k = wp.tid()
+        p = c.order[k]
+        y = g.y[k]
+        u = g.u[k]
+        m = int(0)
+        for s in range(lists.count[k]):
+            other = lists.other[s * lists.size + k]
+            o = c.order[other]
+            R = rows.reach[p] + rows.reach[o]
+            n, D = normal(y - g.y[other], p, o)
+            if D - R + wp.min(wp.dot(n, u - g.u[other]), real(0.0)) < real(NEAR) * R:
+                if m < q.room:
+                    at = int(m)
+                    while at > 0 and q.id[(at - 1) * q.size + k] > o:
+                        q.id[at * q.size + k] = q.id[(at - 1) * q.size + k]
+                        q.other[at * q.size + k] = q.other[(at - 1) * q.size + k]
+                        at -= 1
+                    q.id[at * q.size + k] = o
+                    q.other[at * q.size + k] = other
+                m += 1
+        q.count[k] = wp.min(m, q.room)
+        g.split[k] = real(m) * g.w[rows.point[p]]
+        if m > q.room:
+            wp.atomic_max(q.wanted, 0, m)
+
+    return wp.kernel(find_grain_contacts, name=f"grains_contact_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def warm_kernel(real, module):
+    """Kernel over places: normals, gaps, and the impulses that the forces of the substep before give in this one; h [s]."""
+    t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
+
+    def start_grain_contacts(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
+                             h: real, d_out: wp.array(dtype=t.vec3)):
+        k = wp.tid()
+        p = c.order[k]
+        y = g.y[k]
+        given = t.vec3()
+        old = int(0)
+        for s in range(q.count[k]):
+            slot = s * q.size + k
+            o = q.id[slot]
+            n, D = normal(y - g.y[q.other[slot]], p, o)
+            L = t.vec3()
+            while old < q.room and before.id[old * q.size + p] >= 0 and before.id[old * q.size + p] < o:
+                old += 1
+            if old < q.room and before.id[old * q.size + p] == o:
+                L = (h * h) * before.f[old * q.size + p]
+                lam = wp.dot(L, n)
+                if lam > real(0.0):
+                    mu = real(0.5) * (g.rub[k] + g.rub[q.other[slot]])
+                    T = L - lam * n
+                    size = wp.length(T)
+                    if size > mu[0] * lam:
+                        L = lam * n + (mu[1] * lam / size) * T
+                else:
+                    L = t.vec3()
+            q.n[slot] = n
+            q.b[slot] = wp.max(D - rows.reach[p] - rows.reach[o], real(0.0))
+            q.L[slot] = L
+            given += L
+        i = rows.point[p]
+        d_out[i] = d_out[i] + g.w[i] * given
+
+    return wp.kernel(start_grain_contacts, name=f"grains_warm_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def force_kernel(real, module):
+    """Kernel over places: what contacts have borne in a substep of h [s], as forces, by the numbers of grains."""
+    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+
+    def keep_grain_forces(c: N.CellTable, q: S.GrainContacts, after: S.GrainForces, h: real):
+        k = wp.tid()
+        p = c.order[k]
+        m = int(0)
+        for s in range(q.count[k]):
+            L = q.L[s * q.size + k]
+            if wp.length_sq(L) > real(0.0):
+                after.id[m * q.size + p] = q.id[s * q.size + k]
+                after.f[m * q.size + p] = L / (h * h)
+                m += 1
+        if m < q.room:
+            after.id[m * q.size + p] = -1
+
+    return wp.kernel(keep_grain_forces, name=f"grains_force_{t.name}", module=module, enable_backward=False)

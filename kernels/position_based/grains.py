@@ -1,0 +1,128 @@
+"""Contacts of grains with Coulomb friction, as constraints of the XPBD iterations.
+
+    d  displacement in a substep, the unknown [m]          a  anchor: velocity v = (d - a) / g        u = d - a
+    n  unit normal from grain j to i where the substep begins       C = b + n.(u_i - u_j) >= 0        b  gap there, >= 0 [m]
+    w  inverse mass [1/kg]       m_i  contacts of grain i       K = m_i w_i + m_j w_j       L  impulse times g [kg m], on
+    grain i
+
+Each grain is split into as many parts as it has contacts, all contacts are solved at once, and the parts are joined again (mass
+splitting: Tonge, Benevolenski, Voroshilov 2012). In projected Gauss-Seidel's form, on accumulated impulses L = lam n + T:
+
+    lam' = max(lam - C / K, 0)          T* = T - (u_i - u_j)_t / K,      T' = T* where |T*| <= mu_s lam', else mu_d lam' T*/|T*|
+    d_i += w_i sum (L' - L)             and d_j the opposite: momentum is kept to rounding, whatever the masses
+
+The average of positions in Macklin et al. 2014, eq. 13, divides each side by its own number of contacts, and loses momentum
+where those differ. Sums have the order of the grains' numbers. A fixed point is Coulomb's law, exactly; how far it is shows
+in the overlap and in the speed at rest. What contacts have borne as forces [N] is where the next substep begins: piles
+converge over substeps, not within one, and friction remembers what it holds.
+
+Grains do not turn: rolling resistance is whole, as that of coarse sand nearly is.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.position_based.neighbours import neighbour_structs
+
+
+@cache
+def grain_structs(real) -> SimpleNamespace:
+    """Structs: GrainTable (constants and scratch by place), GrainContacts (those of a substep), GrainForces (what lasts)."""
+    t = types(real)
+
+    @wp.struct
+    class GrainTable:
+        friction: wp.array(dtype=t.vec2)   # static, dynamic, by p
+        w: wp.array(dtype=t.scalar)        # inverse mass of points of the state
+        y: wp.array(dtype=t.vec3)          # where the substep begins, by k [m]
+        u: wp.array(dtype=t.vec3)          # by k [m]
+        split: wp.array(dtype=t.scalar)    # m w, by k [1/kg]
+        rub: wp.array(dtype=t.vec2)        # friction by k
+        back: wp.array(dtype=t.vec3)       # correction of overlaps, by k [m]
+
+    @wp.struct
+    class GrainContacts:
+        room: int
+        size: int                          # contact s of place k stands at s * size + k
+        count: wp.array(dtype=int)         # by k
+        other: wp.array(dtype=int)         # k of the other grain
+        id: wp.array(dtype=int)            # p of it
+        n: wp.array(dtype=t.vec3)
+        b: wp.array(dtype=t.scalar)        # [m]
+        L: wp.array(dtype=t.vec3)          # [kg m]
+        wanted: wp.array(dtype=int)        # most contacts of a grain that had no room, (1,)
+
+    @wp.struct
+    class GrainForces:
+        id: wp.array(dtype=int)            # p of the other grain, ascending; -1: no more. Entry s of grain p at s * size + p
+        f: wp.array(dtype=t.vec3)          # force on p [N]
+
+    return SimpleNamespace(GrainTable=GrainTable, GrainContacts=GrainContacts, GrainForces=GrainForces)
+
+
+@cache
+def motion_kernel(real, module):
+    """Kernel over places: u in the order of cells, before an iteration."""
+    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+
+    def gather_motion(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, d: wp.array(dtype=t.vec3),
+                      a: wp.array(dtype=t.vec3)):
+        k = wp.tid()
+        i = rows.point[c.order[k]]
+        g.u[k] = d[i] - a[i]
+
+    return wp.kernel(gather_motion, name=f"grains_motion_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def pair_impulse_func(real):
+    """Function (n, b, L, u_i - u_j, K, mu) -> L' of one contact, split as K says."""
+    t = types(real)
+
+    @wp.func
+    def solve_grain_pair(n: t.vec3, b: real, L: t.vec3, u: t.vec3, K: real, mu: t.vec2):
+        lam = wp.dot(L, n)
+        close = wp.dot(n, u)
+        pressed = wp.max(lam - (b + close) / K, real(0.0))
+        T = t.vec3()
+        if pressed > real(0.0):
+            T = (L - lam * n) - (u - close * n) / K
+            size = wp.length(T)
+            if size > mu[0] * pressed:
+                T *= wp.min(mu[1] * pressed / size, real(1.0))
+        return pressed * n + T
+
+    return solve_grain_pair
+
+
+@cache
+def grain_solve_kernel(real, module):
+    """Kernel over places: one iteration of all contacts of a grain."""
+    t, N, S, solve = types(real), neighbour_structs(real), grain_structs(real), pair_impulse_func(real)
+
+    def solve_grain_contacts(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts,
+                             d_out: wp.array(dtype=t.vec3)):
+        k = wp.tid()
+        m = q.count[k]
+        if m == 0:
+            return
+        u = g.u[k]
+        own = g.split[k]
+        rub = g.rub[k]
+        given = t.vec3()
+        for s in range(m):
+            slot = s * q.size + k
+            other = q.other[slot]
+            K = own + g.split[other]
+            if K > real(0.0):
+                L = q.L[slot]
+                new = solve(q.n[slot], q.b[slot], L, u - g.u[other], K, real(0.5) * (rub + g.rub[other]))
+                q.L[slot] = new
+                given += new - L
+        i = rows.point[c.order[k]]
+        d_out[i] = d_out[i] + g.w[i] * given
+
+    return wp.kernel(solve_grain_contacts, name=f"grains_solve_{t.name}", module=module, enable_backward=False)

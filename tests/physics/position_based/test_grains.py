@@ -1,0 +1,207 @@
+"""Grains: contacts against closed forms, conservation, piles at rest, lists of neighbours, and what goes wrong in plain
+words."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wsim
+from wsim.physics.position_based.objects import Grains
+from wsim.scene import Scene, SceneError
+
+G = 9.81
+
+
+def grains_on_floor(points, radius=0.005, mu=0.5, floor=True, precision="float32", **more):
+    """A simulation of grains above a floor."""
+    scene = Scene(**{"fps": 60, "substeps": 8, "iterations": 4} | more)
+    if floor:
+        scene.collider("/floor", wsim.Plane(), static_friction=mu, dynamic_friction=mu)
+    scene.particles("/grains", points=points, radius=radius, material=Grains(static_friction=mu, dynamic_friction=mu))
+    return wsim.Simulation(scene, device="cpu", precision=precision)
+
+
+def cube(n, radius, low=0.0):
+    k = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    return 2.0 * radius * k + [0.0, radius + low, 0.0]
+
+
+def grain_method(simulation):
+    return next(m for m in simulation.plan.methods if m.name == "grains")
+
+
+def test_contacts_of_a_column_bear_the_weight_above_them():
+    r = 0.004
+    simulation = grains_on_floor([[0, r + 2 * r * i, 0] for i in range(5)], r)
+    simulation.run(60)
+    part, weight = grain_method(simulation).part, 2600 * 4 / 3 * np.pi * r**3 * G
+    force = {}
+    for number, f in zip(part.arrays["id"].numpy()[:5], part.arrays["f"].numpy()[:5], strict=True):
+        force[int(number)] = f
+    found = np.sort(np.linalg.norm(part.arrays["f"].numpy(), axis=1))
+    found = found[found > 0.0]
+    assert np.allclose(found, np.repeat(weight * np.arange(1, 5), 2), rtol=1e-4)
+    assert np.abs(simulation.velocities()).max() < 1e-5
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0])                      # of radii: masses differ by its cube
+def test_a_collision_keeps_momentum_and_what_touches_does_not_close(ratio):
+    r = np.array([0.01, 0.01 / ratio])
+    scene = Scene(fps=60, substeps=4, iterations=40, gravity=(0, 0, 0))
+    scene.particles("/grains", points=[[-0.02, 0, 0], [0.02, 0.3 * r[1], 0]], radius=r, velocities=[[1.0, 0, 0], [-2.0, 0, 0]],
+                    material=Grains(static_friction=0.0, dynamic_friction=0.0))
+    simulation = wsim.Simulation(scene, device="cpu", precision="float64")
+    m, v0 = 2600 * 4 / 3 * np.pi * r**3, np.array([[1.0, 0, 0], [-2.0, 0, 0]])
+    simulation.run(6)
+    v, x = simulation.velocities(), simulation.positions()
+    assert np.abs(m @ v - m @ v0).max() < 1e-6 * (m @ np.abs(v0)).max()
+    assert np.abs(v - v0).max() > 0.5                               # they met
+    assert np.linalg.norm(x[1] - x[0]) >= r.sum() * (1 - 1e-9)
+
+
+def test_a_pile_comes_to_rest_and_does_not_creep():
+    scene = Scene(fps=60, substeps=8, iterations=4)
+    scene.collider("/floor", wsim.Plane())
+    scene.particles("/grains", wsim.Box((0.02, 0.02, 0.02)), at=(0, 0.025, 0), radius=0.004)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(150)
+    x = simulation.positions().copy()
+    assert np.abs(simulation.velocities()).max() < 1e-3
+    simulation.run(60)
+    assert np.abs(simulation.positions() - x).max() < 1e-4 * 0.004 / 0.004
+    near = np.linalg.norm(x[:, None] - x[None], axis=-1) + np.eye(len(x))
+    assert near.min() > 2 * 0.004 * (1 - 5e-3) and x[:, 1].min() > 0.004 * (1 - 1e-3)
+
+
+@pytest.mark.parametrize(("beyond", "moves"), [(-1.0, False), (1.0, True)])
+def test_a_block_on_a_tilted_plate_slips_at_the_angle_of_friction(beyond, moves):
+    """A degree below atan(mu) it stays; a degree above it slides, as fast as the closed form says."""
+    mu, r = 0.4, 0.005
+    a = np.arctan(mu) + np.radians(beyond)
+    simulation = grains_on_floor(cube(3, r), r, mu, gravity=(G * np.sin(a), -G * np.cos(a), 0))
+    simulation.run(60)
+    speed = simulation.velocities()[:, 0].mean()
+    if moves:
+        assert 0.5 < speed / (G * (np.sin(a) - mu * np.cos(a))) < 1.5
+    else:
+        assert abs(speed) < 1e-3
+
+
+def test_a_hundred_grains_in_one_place_come_apart_and_are_told_of():
+    simulation = grains_on_floor(np.tile([0.0, 0.1, 0.0], (100, 1)), gravity=(0, 0, 0), floor=False)
+    simulation.step()
+    warned = " ".join(str(w) for w in simulation.report()["warnings"])
+    assert "grains overlap by 100 %" in warned
+    simulation.run(30)
+    x = simulation.positions()
+    near = np.linalg.norm(x[:, None] - x[None], axis=-1) + np.eye(len(x))
+    assert np.isfinite(x).all() and near.min() > 0.5 * 0.01 and np.abs(simulation.velocities()).max() < 1e-3
+
+
+def test_grains_of_a_hundred_diameters_a_substep_stay_finite_and_are_counted():
+    v = 100 * 0.01 * 60 * 8
+    scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
+    speeds = np.where(np.arange(64)[:, None] % 2, v, -v) * [1, 0, 0]
+    scene.particles("/grains", points=cube(4, 0.005), radius=0.005, velocities=speeds)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(3)
+    assert np.isfinite(simulation.positions()).all() and np.isfinite(simulation.velocities()).all()
+    assert any("moved more than two diameters in a substep" in str(w) for w in simulation.report()["warnings"])
+
+
+def test_lists_of_neighbours_are_those_of_all_pairs():
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-0.05, 0.05, (300, 3))
+    simulation = grains_on_floor(x, rng.uniform(0.002, 0.005, 300), gravity=(0, 0, 0), floor=False)
+    simulation.step()
+    search = grain_method(simulation).search
+    y, reach = search.cells.y0.numpy().astype(float), search.rows.reach.numpy().astype(float)
+    order, count = search.cells.order.numpy(), search.lists.count.numpy()
+    other = search.lists.other.numpy().reshape(-1, 300)
+    found = {(int(order[k]), int(order[other[s, k]])) for k in range(300) for s in range(count[k])}
+    gap = np.linalg.norm(y[:, None] - y[None], axis=-1) - reach[:, None] - reach[None] - search.skin
+    i, j = np.nonzero((gap < 0.0) & ~np.eye(300, dtype=bool))
+    assert found == set(zip(i.tolist(), j.tolist(), strict=True))
+
+
+def test_lists_last_where_nothing_moves():
+    simulation = grains_on_floor(cube(3, 0.005))
+    simulation.run(30)
+    y0 = grain_method(simulation).search.cells.y0.numpy()
+    simulation.run(10)
+    assert np.array_equal(grain_method(simulation).search.cells.y0.numpy(), y0)
+
+
+def test_two_runs_and_a_restart_have_the_same_bits(tmp_path):
+    scene = Scene(fps=60, substeps=8, iterations=4, frames=24)
+    scene.collider("/floor", wsim.Plane())
+    scene.particles("/grains", wsim.Box((0.02, 0.02, 0.02)), at=(0, 0.03, 0), radius=0.005)
+    first, second = (wsim.Simulation(replace(scene), device="cpu") for _ in range(2))
+    first.run(24)
+    second.run(12)
+    fields = {"/grains": second.fields("/grains")}
+    third = wsim.Simulation(replace(scene), device="cpu")
+    third.restart(12, fields)
+    for each in (second, third):
+        each.run(12)
+        assert np.array_equal(first.positions(), each.positions())
+        assert np.array_equal(first.velocities(), each.velocities())
+
+
+def test_worlds_do_not_see_each_other():
+    scene = Scene(fps=60, substeps=8, iterations=4)
+    scene.collider("/floor", wsim.Plane())
+    scene.particles("/grains", wsim.Box((0.02, 0.02, 0.02)), at=(0, 0.03, 0), radius=0.005)
+    one, two = (wsim.Simulation(scene, device="cpu", worlds=n) for n in (1, 2))
+    one.run(12)
+    two.run(12)
+    assert np.array_equal(one.positions("/grains"), two.positions("/grains", world=1))
+
+
+def test_grains_pile_on_a_pinned_cloth_and_are_written_and_read(tmp_path):
+    scene = Scene(fps=60, substeps=8, iterations=4, frames=3)
+    scene.collider("/floor", wsim.Plane())
+    scene.particles("/grains", wsim.Sphere(0.02), at=(0, 0.03, 0), radius=0.004, colors=(0.5, 0.25, 0.125),
+                    material=Grains(2000.0, 0.75, 0.5))
+    wsim.save(scene, tmp_path / "grains.usda")
+    read = wsim.load(tmp_path / "grains.usda")
+    assert read.things("Particles") == scene.things("Particles") and not read.notes
+    simulation = wsim.Simulation(read, device="cpu")
+    with simulation.record(tmp_path / "out.usdc"):
+        simulation.run(3)
+    again = wsim.load(tmp_path / "out.usdc")
+    assert len(again.things("Particles")[0].points) == len(scene.things("Particles")[0].points)
+
+
+@pytest.mark.parametrize(("more", "said"), [
+    ({"radius": -0.01, "points": np.zeros((2, 3))}, "radii are too small"),
+    ({"radius": [0.01, 0.02, 0.03], "points": np.zeros((2, 3))}, "3 radii; allowed: 2 or 1"),
+    ({"radius": 0.01, "points": [[0, 0, np.nan]]}, "NaN or infinite"),
+    ({"radius": 0.01, "points": np.zeros((0, 3))}, "no particles"),
+    ({"radius": [1e-4, 1e-2], "points": np.zeros((2, 3))}, "a ratio of 50 at most"),
+    ({"radius": 0.01, "points": np.zeros((1, 3)), "material": "gravel"}, "allowed: one of grains"),
+    ({"radius": 0.01, "points": np.zeros((1, 3)), "material": Grains(static_friction=-1.0)}, "static_friction is -1"),
+])
+def test_bad_input_is_one_line(more, said):
+    scene = Scene()
+    scene.particles("/grains", **more)
+    with pytest.raises(SceneError, match=said) as error:
+        wsim.Simulation(scene, device="cpu")
+    assert "/grains" in str(error.value)
+
+
+@pytest.mark.parametrize("more", [{"solver": "explicit"}, {"solver": "implicit"}, {"integrator": "bdf2"},
+                                  {"contact_width": 1e-3}])
+def test_other_solvers_are_refused(more):
+    scene = Scene(**more)
+    scene.particles("/grains", points=[[0, 0, 0]], radius=0.01)
+    with pytest.raises(SceneError, match="/grains"):
+        wsim.Simulation(scene, device="cpu")
+
+
+def test_gradients_are_refused_by_name():
+    scene = Scene()
+    scene.particles("/grains", points=[[0, 0, 0]], radius=0.01)
+    with pytest.raises(SceneError, match="/grains"):
+        wsim.Simulation(scene, device="cpu", gradients=True)

@@ -1,0 +1,1 @@
+"""Position-based particles: grains and fluids by constraints, in the XPBD iterations of cloth and nets."""

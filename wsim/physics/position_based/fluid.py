@@ -1,0 +1,140 @@
+"""Fluids by constraints in a plan: walls and pressures that last in phase collide, densities in every iteration. See
+kernels/position_based/density.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wsim.kernels.math.real import types
+from wsim.kernels.position_based import density as kernels
+from wsim.kernels.position_based import flow
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.position_based.neighbours import NeighbourSearch, ParticleLaunches, SearchedPoints
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+SKIN = 0.2                       # of the distance at rest: what a pair may come nearer before lists are made anew
+NEIGHBOURS = 56                  # entries of a list that there is room for at first; a lattice has 57 within its reach and skin
+OMEGA = 0.5                      # relaxation of the multipliers
+KEEP = 0.9                       # part of an error that a substep may leave
+STABLE = 0.1                     # h mu / rho over the square of the distance at rest, up to which an explicit step is taken
+NEAR_WORD = "fluid: neighbours wanted"
+FIELDS = (StateField("p", "Pa", True, "pressure", "scalar"),)
+
+
+def build(b: Build) -> DensityConstraints:
+    """The method of a scene with a fluid by constraints."""
+    return DensityConstraints(b)
+
+
+class DensityConstraints(Method):
+    """`search`: who is near whom. `part`: pressures."""
+
+    def __init__(self, b: Build):
+        super().__init__("density")
+        self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
+        self.bodies = [body for body in b.model.bodies if getattr(body.source, "is_fluid", False)]
+        self.distance = d = 2.0 * float(self.bodies[0].reach[0])
+        self.colliders = self._make_colliders(b)
+        launches = self.launches = ParticleLaunches(b.model, "fluid", self.colliders.kinds)
+        far = [np.full(body.count, 0.5 * kernels.REACHED * d) for body in self.bodies]
+        points = SearchedPoints.of(self.bodies, far, [-1] * len(self.bodies))
+        self.search = NeighbourSearch(launches, points, SKIN * d, NEIGHBOURS)
+        self.count = n = self.search.count
+        real, zeros = b.model.real, launches.zeros
+        t, S = types(real), kernels.fluid_structs(real)
+        self.part = StatePart.allocate("fluid", FIELDS, n, real, b.model.device)
+        first = 0
+        for body in self.bodies:
+            self.part.rows[body.path, body.world] = first + body.index - body.first
+            first += body.count
+        b.state.add(self.part)
+        self.table = fill_struct(S.FluidTable, d=d, omega=OMEGA, w=self.points.constants.w, y=zeros(n, t.vec3),
+                                 u=zeros(n, t.vec3), lam=zeros(n), change=zeros(n), wall=zeros(kernels.WALLS * n, t.vec4),
+                                 push=zeros(n, t.vec3), pressure=self.part.arrays["p"], tight=zeros(n), left=zeros(n), keep=KEEP)
+        self.flow, self.flows = self._make_flow(b)
+        module = launches.module
+        makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,
+                  "start": kernels.fluid_wall_push_kernel, "left": kernels.fluid_left_kernel,
+                  "pressure": kernels.fluid_pressure_kernel, "push": kernels.fluid_push_kernel,
+                  "keep": kernels.fluid_keep_kernel, "flow": flow.flow_gather_kernel,
+                  "viscosity": flow.flow_viscosity_kernel}
+        self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
+        self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
+        b.status.reserve(NEAR_WORD)
+        size = n * np.dtype(b.model.dtype).itemsize
+        self.stages += [Stage("fluid", "collide", self.begin, self.search.launch_count + 5, 60 * size,
+                              what=f"{n} particles"),
+                        Stage("densities", "solve", self.solve, 3, 300 * size, "iteration", f"of {n} particles"),
+                        Stage("pressures", "finish", self.keep, 1, 3 * size, what="for the next substep")]
+
+    def _make_colliders(self, b: Build) -> Any:
+        from wsim.physics.contact.collider.table import ColliderTable
+        return ColliderTable(b.model, b.scene.colliders, self.bodies[0].origin)
+
+    def _make_flow(self, b: Build) -> tuple[Any, bool]:
+        """Viscosity over density [m^2/s] and smoothing [1] of each particle; whether there is some."""
+        most = STABLE * self.distance**2 / b.clock.dt * b.clock.substeps
+        materials: list[Any] = [body.source.material for body in self.bodies]          # type: ignore[attr-defined]
+        each = [(min(m.viscosity / m.density, most), m.smoothing) for m in materials]
+        rows = np.repeat(np.array(each), [body.count for body in self.bodies], axis=0)
+        return b.model.upload(rows.astype(b.model.dtype), types(b.model.real).vec2), bool(np.any(rows))
+
+    def connect_ports(self, others) -> None:
+        self.search.lists.wanted = self.status.word(NEAR_WORD)
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        self.colliders.pose(time, clock.dt)
+
+    # stages
+
+    def begin(self, clock: Clock) -> None:
+        """Neighbours, walls, and the pressures of the substep before."""
+        s, search, table = self.state, self.search, self.table
+        search.update(s.x, s.d, clock.k == 0)
+        self._run("gather", [search.rows, search.cells, table, s.x, s.d, clock.h])
+        self._run("walls", [table, self.colliders.rows, (clock.k + 1) * clock.h])
+        self._run("left", [search.lists, table])
+        self._run("start", [table])
+        self._run("push", [search.rows, search.cells, search.lists, table], [s.d])
+
+    def solve(self, clock: Clock) -> None:
+        """One iteration of all densities."""
+        s, search, table = self.state, self.search, self.table
+        self._run("motion", [search.rows, search.cells, table, s.d])
+        self._run("pressure", [search.rows, search.cells, search.lists, table])
+        self._run("push", [search.rows, search.cells, search.lists, table], [s.d])
+
+    def keep(self, clock: Clock) -> None:
+        """Pressures, for the next substep, and viscosity."""
+        s, search, table = self.state, self.search, self.table
+        self._run("keep", [search.cells, table, clock.h])
+        if self.flows:
+            self._run("flow", [search.rows, search.cells, table, s.x, s.v])
+            self._run("viscosity", [search.rows, search.cells, search.lists, table, self.flow, clock.h], [s.v])
+
+    def _run(self, name: str, inputs: list, outputs: list | None = None) -> None:
+        self.launches.launch(self.kernels[name], self.count, inputs, outputs or [])
+
+    # around a frame
+
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
+        near = int(status.said(NEAR_WORD)[0])
+
+        def lengthen_lists() -> str:
+            if near <= self.search.lists.room:
+                return ""
+            self.search.make_room(near + near // 4)
+            return f"a particle of a fluid has {near} others near it, more than there was room for"
+        return [Remedy("grow", lengthen_lists)] if near > self.search.lists.room else []
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """density_error: of the last iteration, mean and greatest of what exceeds the density at rest, over that [1]."""
+        tight = np.maximum(self.table.tight.numpy(), 0.0)
+        return {"density_error": float(tight.mean()), "most_density_error": float(tight.max(initial=0.0))}

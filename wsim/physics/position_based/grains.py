@@ -1,0 +1,150 @@
+"""Contacts of grains in a plan: found in phase collide, solved in every iteration. See kernels/position_based/grains.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wsim.kernels.math.real import types
+from wsim.kernels.position_based import grain_contacts as pairs
+from wsim.kernels.position_based import grains as kernels
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import StateField, StatePart
+from wsim.model.status import FrameStatus
+from wsim.model.structs import fill_struct
+from wsim.physics.position_based.neighbours import NeighbourSearch, ParticleLaunches, SearchedPoints
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+SKIN = 0.3                       # of the diameter: what a pair may come nearer before lists are made anew
+NEIGHBOURS, TOUCHED = 20, 13     # entries of a list, and contacts of a grain, that there is room for at first
+NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD = ("grains: neighbours wanted", "grains: contacts wanted", "grains: fast",
+                                               "grains: overlap")
+DEEP = 0.05                      # of the distance of two centres: overlap that is warned of
+FIELDS = (StateField("f", "N", True, "force of a contact on the grain"),
+          StateField("id", "1", True, "number of the other grain, ascending; -1: no more", "int"))
+
+
+def build(b: Build) -> GrainContacts:
+    """The method of a scene with grains."""
+    return GrainContacts(b)
+
+
+class GrainContacts(Method):
+    """`search`: who is near whom. `part`: forces that contacts have borne, slot behind slot."""
+
+    def __init__(self, b: Build):
+        super().__init__("grains")
+        self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
+        self.bodies = [body for body in b.model.bodies if getattr(body.source, "collides_as_grains", False)]
+        launches = self.launches = ParticleLaunches(b.model, "grains")
+        points = SearchedPoints.of(self.bodies, [body.reach for body in self.bodies], [-1] * len(self.bodies))
+        self.most = pairs.FASTEST * float(points.reach.min())
+        self.search = NeighbourSearch(launches, points, SKIN * 2.0 * float(points.reach.max()), NEIGHBOURS)
+        self.count = n = self.search.count
+        real, zeros = b.model.real, launches.zeros
+        t, S = types(real), kernels.grain_structs(real)
+        friction = np.concatenate([np.tile(body.friction, (body.count, 1)) for body in self.bodies])
+        self.table = fill_struct(S.GrainTable, friction=b.model.upload(friction.astype(b.model.dtype), t.vec2),
+                                 w=self.points.constants.w, y=zeros(n, t.vec3), u=zeros(n, t.vec3), split=zeros(n),
+                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3))
+        self.structs: Any = S
+        self.touched: Any = None
+        self.part = StatePart("grains", 0, 0)
+        self._make_contacts(TOUCHED)
+        b.state.add(self.part)
+        makers = {"gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
+                  "contact": pairs.contact_kernel, "warm": pairs.warm_kernel, "motion": kernels.motion_kernel,
+                  "solve": kernels.grain_solve_kernel, "force": pairs.force_kernel}
+        self.kernels = {name: make(real, launches.module) for name, make in makers.items()}
+        for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
+            b.status.reserve(word)
+        size = n * np.dtype(b.model.dtype).itemsize
+        self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 5, 40 * size,
+                              what=f"{n} grains"),
+                        Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
+                        Stage("grain forces", "finish", self.keep, 1, 60 * size, what="for the next substep")]
+
+    def _make_contacts(self, room: int) -> None:
+        """Room for so many contacts of each grain, and for their forces; what was borne is forgotten."""
+        launches, t, S, n = self.launches, types(self.model.real), self.structs, self.count
+        zeros, wanted = launches.zeros, self.touched.wanted if self.touched else launches.zeros(1, int)
+        self.touched = fill_struct(S.GrainContacts, room=room, size=n, count=zeros(n, int), other=zeros(room * n, int),
+                                   id=zeros(room * n, int), n=zeros(room * n, t.vec3), b=zeros(room * n),
+                                   L=zeros(room * n, t.vec3), wanted=wanted)
+        made = StatePart.allocate("grains", FIELDS, room * n, self.model.real, self.model.device)
+        rows, first = {}, 0
+        for body in self.bodies:                       # author's order, slot behind slot
+            own = first + (body.index - body.first)
+            rows[body.path, body.world] = (own[:, None] + n * np.arange(room)).ravel()
+            first += body.count
+        made.arrays["id"].fill_(-1)
+        for array, aside in made.copies():
+            aside.assign(array)
+        self.part.__dict__.update(made.__dict__, rows=rows)
+        self.forces = fill_struct(S.GrainForces, id=self.part.arrays["id"], f=self.part.arrays["f"])
+
+    def connect_ports(self, others) -> None:
+        """Colliders answer the forces that grains begin with before the first iteration: it would see the lowest ones fall."""
+        self.search.lists.wanted, self.touched.wanted = self.status.word(NEAR_WORD), self.status.word(TOUCH_WORD)
+        if (contact := others.ports.contact) is not None:
+            contact.stages.append(Stage("first contacts", "collide", contact.project, 1, self.model.points * 4,
+                                        what="points that forces of grains press"))
+
+    # stages
+
+    def find(self, clock: Clock) -> None:
+        """Neighbours, overlaps, contacts, and the forces of the substep before."""
+        s, search = self.state, self.search
+        rows, cells, lists, table, touched = search.rows, search.cells, search.lists, self.table, self.touched
+        search.update(s.x, s.d)
+        self._run("gather", [rows, cells, table, s.x, s.d, self.points.anchor], [self.status.word(FAST_WORD)])
+        self._run("overlap", [rows, cells, lists, table, self.most], [self.status.word(DEEP_WORD)])
+        self._run("apart", [rows, cells, table], [s.x])
+        self._run("contact", [rows, cells, lists, table, touched], [])
+        self._run("warm", [rows, cells, table, touched, self.forces, clock.h], [s.d])
+
+    def solve(self, clock: Clock) -> None:
+        """One iteration of all contacts."""
+        s, search = self.state, self.search
+        self._run("motion", [search.rows, search.cells, self.table, s.d, self.points.anchor], [])
+        self._run("solve", [search.rows, search.cells, self.table, self.touched], [s.d])
+
+    def keep(self, clock: Clock) -> None:
+        """Forces, for the next substep."""
+        self._run("force", [self.search.cells, self.touched, self.forces, clock.h], [])
+
+    def _run(self, name: str, inputs: list, outputs: list) -> None:
+        self.launches.launch(self.kernels[name], self.count, inputs, outputs)
+
+    # around a frame
+
+    def find_remedies(self, status: FrameStatus) -> list[Remedy]:
+        near, touched = int(status.said(NEAR_WORD)[0]), int(status.said(TOUCH_WORD)[0])
+
+        def lengthen_lists() -> str:
+            if near <= self.search.lists.room:
+                return ""
+            self.search.make_room(near + near // 4)
+            return f"a grain has {near} others near it, more than there was room for"
+
+        def more_contacts() -> str:
+            if touched <= self.touched.room:
+                return ""
+            self._make_contacts(touched + touched // 4)
+            return f"a grain touches {touched} others, more than there was room for"
+        return [Remedy("grow", act) for act, most, room in ((lengthen_lists, near, self.search.lists.room),
+                                                            (more_contacts, touched, self.touched.room)) if most > room]
+
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+        deep, fast = int(status.said(DEEP_WORD)[0]), int(status.said(FAST_WORD)[0])
+        found: list[tuple[tuple, float, str]] = []
+        if deep > 1e6 * DEEP:
+            found.append(((DEEP_WORD,), deep / 1e4, f"{self.bodies[0].path}: grains overlap by {{worst}} % of the distance of "
+                          "their centres; give more substeps, or more iterations"))
+        if fast:
+            found.append(((FAST_WORD,), fast, f"{self.bodies[0].path}: {{worst}} times in a frame a grain moved more than two "
+                          "diameters in a substep, and may have passed through others; give more substeps, or larger grains"))
+        return found

@@ -1,0 +1,157 @@
+"""Position-based particles of a scene, and what they are made of: plain data in SI units, NumPy only."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wsim.scene.bodies import BodyGeometry, Deformable, real_array
+from wsim.scene.curve import Motion
+
+
+@dataclass(frozen=True)
+class Grains:
+    """Round grains that touch and rub, and do not turn, as in `Grains(static_friction=0.6, dynamic_friction=0.6)`.
+
+    density             of a grain [kg/m^3]
+    static_friction     coefficient [1] up to which a contact sticks; of two grains, or a grain and a collider, the mean counts
+    dynamic_friction    coefficient of a contact that slides [1]
+    """
+
+    density: float = 2600.0
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+
+    def particle_mass(self, radius: np.ndarray) -> np.ndarray:
+        """Mass [kg] of a particle of that radius [m]: a ball."""
+        return self.density * (4.0 / 3.0 * np.pi) * radius**3
+
+
+@dataclass(frozen=True)
+class ConstraintFluid:
+    """A fluid whose density constraints keep, as in `ConstraintFluid(density=1000.0)`.
+
+    density             at rest [kg/m^3]
+    viscosity           [Pa s]
+    smoothing           part of the differences of velocity that neighbours lose in a substep [1]
+    static_friction     of contacts with colliders [1]
+    dynamic_friction    of contacts with colliders [1]
+    """
+
+    density: float = 1000.0
+    viscosity: float = 1e-3
+    smoothing: float = 0.05
+    static_friction: float = 0.0
+    dynamic_friction: float = 0.0
+
+    def particle_mass(self, radius: np.ndarray) -> np.ndarray:
+        """Mass [kg] of a particle of that radius [m]: a cube of two radii."""
+        return self.density * (2.0 * radius) ** 3
+
+
+MATERIALS: dict[str, Any] = {"grains": Grains, "fluid": ConstraintFluid}
+
+
+@dataclass(eq=False)
+class Particles(Deformable):
+    """Particles that constraints move in the XPBD iterations, with cloth, nets and rigid bodies, as in
+    `scene.particles("/sand", Box((0.1, 0.1, 0.1)), at=(0, 0.1, 0), radius=0.005)`.
+
+    path         prim path
+    points       (n, 3) [m], own frame
+    radius       of each particle, (n,) or (1,) for all [m]; those of a fluid are two radii apart at rest
+    material     `Grains` of `wsim.physics.position_based.objects`, or "grains"
+    motion       own frame to world at the start, lengths [m]
+    velocities   at the start, (n, 3) [m/s], own frame; None: at rest
+    colors       linear RGB, 0 to 1 [1], of all, (3,), or of each particle (n, 3); None: by the material
+    """
+
+    noun, plural, model, is_particles = "particles", True, "particles", True
+
+    path: str
+    points: np.ndarray
+    radius: Any
+    material: Any = "grains"
+    motion: Motion = field(default_factory=Motion.still)
+    velocities: np.ndarray | None = None
+    colors: np.ndarray | None = None
+
+    def __post_init__(self):
+        if isinstance(self.material, str) and self.material in MATERIALS:
+            self.material = MATERIALS[self.material]()
+        self.points, self.velocities = real_array(self.points, -1, 3), real_array(self.velocities, -1, 3)
+        self.radius = real_array(np.atleast_1d(self.radius), -1)
+        self.colors = None if self.colors is None else np.array(self.colors, np.float64)
+
+    @property
+    def is_fluid(self) -> bool:
+        """True if constraints keep its density."""
+        return isinstance(self.material, ConstraintFluid)
+
+    @property
+    def collides_as_grains(self) -> bool:                              # type: ignore[override]
+        """See `Deformable`."""
+        return isinstance(self.material, Grains)
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """See `Deformable`."""
+        return self.material.static_friction, self.material.dynamic_friction
+
+    @property
+    def loses_energy(self) -> bool:
+        """See `Deformable`: contacts of its own do."""
+        return True
+
+    def radii(self) -> np.ndarray:
+        """Radius of each particle [m], (n,)."""
+        return np.broadcast_to(self.radius, len(self.points)).copy()
+
+    def geometry(self, places: np.ndarray) -> BodyGeometry:
+        """See `Deformable`."""
+        radii = self.radii()
+        middle = places.mean(axis=0) if len(places) else np.zeros(3)
+        return BodyGeometry(places - middle, self.material.particle_mass(radii), radii, np.arange(len(places)))
+
+    def held_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Deformable`: contacts hold all."""
+        return np.zeros((0, 2), np.int32), np.arange(len(self.points), dtype=np.int32)
+
+    def least_reach(self) -> float:
+        """See `Deformable`."""
+        return float(self.radius.min(initial=np.inf)) if len(self.radius) else 0.0
+
+
+LOOSE = 1.1            # edge of a lattice of grains over their diameter: moved at random in what is left, they fall in a heap
+
+
+def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
+    """Particles that fill a shape, or points that `more` has."""
+    if shape is not None:
+        more["points"] = fill_with_particles(path, shape, radius, more.get("material"))
+    return Particles(path, radius=radius, **more)
+
+
+def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None) -> np.ndarray:
+    """Places of a cubic lattice of edge 2 radius, LOOSE times that of grains, within a closed shape, in its own frame (n, 3)
+    [m], each moved at random within what that leaves free. Balls about them lie within a convex shape, and do not overlap.
+    Raises SceneError where there is not one radius."""
+    from wsim.physics.particles.lattice import index_block, indices_inside_mesh
+    from wsim.scene import Problem, SceneError, Surface
+    from wsim.scene.solids import shape_row
+    if np.size(radius) != 1 or not 0.0 < float(radius) < np.inf:
+        raise SceneError(Problem(path, f"radius is {radius!r:.60}; allowed is one length > 0 [m] where a shape is filled; fix: "
+                                 "give radius=0.01, or points with a radius each"))
+    loose = 1.0 if material == "fluid" or isinstance(material, ConstraintFluid) else LOOSE
+    edge, free = 2.0 * float(radius) * loose, float(radius) * (loose - 1.0)
+    if isinstance(shape, Surface):
+        low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+        begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
+        inside = indices_inside_mesh(shape, np.eye(4), begin, end, lambda x: x / edge - 0.5)
+        places = (index_block(begin, end)[inside] + 0.5) * edge
+    else:
+        most = int(np.ceil(float(shape_row(shape).ball(shape)) / edge)) + 1
+        size = np.array([np.floor(2.0 * h / edge + 1e-6) for h in getattr(shape, "half", (0.0,) * 3)])
+        lattice = (index_block((-most,) * 3, (most,) * 3) + 0.5 * (size % 2 == 0)) * edge
+        places = lattice[shape_row(shape).distance(shape, lattice) < -(radius + free) * (1.0 - 1e-6)]
+    return places + free * np.random.default_rng(0).uniform(-1.0, 1.0, places.shape)
