@@ -171,7 +171,8 @@ def test_methods_arrays_and_reasons_agree(name):
     wanted |= {"contact"} if "contact" in KERNELS[name] else set()
     assert set(found["methods"]) == wanted
     assert set(found["skipped"]) == {"pins", "muscles", "loads", "aero", "contact", "history", "explicit", "implicit", "xpbd",
-                                     "fem", "rigid", "fluid", "liquid", "mpm", "rods", "follow", "bones", "selfcontact",
+                                     "fem", "rigid", "fluid", "liquid", "mpm", "grains", "density",
+                                     "rods", "follow", "bones", "selfcontact",
                                      "shape_matching",
                                      "gradients"} - wanted
     assert ("a" in found["fields"]) == bool({"contact", "aero"} & wanted) and not {"s", "u"} & set(found["fields"])

@@ -55,9 +55,10 @@ class DensityConstraints(Method):
             self.part.rows[body.path, body.world] = first + body.index - body.first
             first += body.count
         b.state.add(self.part)
-        self.table = fill_struct(S.FluidTable, d=d, omega=OMEGA, w=self.points.constants.w, y=zeros(n, t.vec3),
-                                 u=zeros(n, t.vec3), lam=zeros(n), change=zeros(n), wall=zeros(kernels.WALLS * n, t.vec4),
-                                 push=zeros(n, t.vec3), pressure=self.part.arrays["p"], tight=zeros(n), left=zeros(n), keep=KEEP)
+        scratch = {name: zeros(n, t.vec3) for name in ("y", "u", "push")}
+        scratch |= {name: zeros(n) for name in ("lam", "change", "tight", "left")}
+        self.table = fill_struct(S.FluidTable, d=d, omega=OMEGA, keep=KEEP, w=self.points.constants.w,
+                                 wall=zeros(kernels.WALLS * n, t.vec4), pressure=self.part.arrays["p"], **scratch)
         self.flow, self.flows = self._make_flow(b)
         module = launches.module
         makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,

@@ -148,3 +148,7 @@ class GrainContacts(Method):
             found.append(((FAST_WORD,), fast, f"{self.bodies[0].path}: {{worst}} times in a frame a grain moved more than two "
                           "diameters in a substep, and may have passed through others; give more substeps, or larger grains"))
         return found
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """overlap: the greatest in the last frame, over the distance of the centres of what touches [1]; 0 up to 2e-3."""
+        return {"overlap": int(self.status.said(DEEP_WORD)[0]) / 1e6}
