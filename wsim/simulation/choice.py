@@ -3,14 +3,13 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
 
     explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.frequency`,
                 `wsim.physics.motion.stability`), a launch or less each; where it is stable it errs by less than any of the
-                others at any price they are run at; where slivers make it dear, with mass
-                (`wsim.physics.motion.fused.mass_scaling`)
+                others at any price; where slivers make it dear, with mass (`wsim.physics.motion.fused.mass_scaling`)
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
                 other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies; of sheets
                 BDF2 with one Newton step a substep, where as many as the wanted error takes cost less than sweeps
-    xpbd        as many substeps of backward Euler as the wanted error takes, or those that the scene names if they are more,
-                and the scene's sweeps or one, whichever costs less; and so many that sweeps leave no more strain in the edges
-                that carry a cloth than STRAINED times that error
+    xpbd        as many substeps of backward Euler as the wanted error takes, or those that the scene names if they are more, and
+                the scene's sweeps or one, whichever costs less; so many that the edges that carry a cloth are strained by no
+                more than STRAINED times that error. Particles: what the scene names
 
 What each errs by: `wsim.simulation.predicted.errors`. What a frame costs: `wsim.simulation.cost`. How often the choice misses:
 tools/bench/choice/misses.py (tools/results/data/choice_*.json). For so many frames a second: `wsim.simulation.predicted.rate`.
@@ -60,7 +59,6 @@ class SchemeChoice:
     other: "SchemeChoice | None" = None      # what goes on where explicit steps that nobody named tear an edge
     error: float | None = None               # predicted, over the scene's size: `wsim.simulation.predicted.errors`
     omega: float = 0.0                       # highest frequency [rad/s] of Newton steps of sheets, where it is known
-    judged: bool = True                      # an error is predicted
     slowed: bool = False                     # leapfrog of as many substeps as mass for slivers leaves
     bears: float = inf                       # stretch of an edge up to which explicit steps that are named are stable, and
     least: int = 0                           # substeps that bear any: `stability.bears`
@@ -75,7 +73,7 @@ class SchemeChoice:
 def choose_scheme(model: Model, named: str = "") -> SchemeChoice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     found = _choose_by_scene(model, named)
-    if (model.scene.solver, model.scene.integrator) != ("auto", "auto") or not (falling_bodies(model) and found.judged):
+    if (model.scene.solver, model.scene.integrator) != ("auto", "auto") or not falling_bodies(model):
         return found
     error = found.error if found.error is not None else predict_choice_error(model, found)
     return replace(found, error=error,
@@ -102,7 +100,7 @@ def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
     if method and method.rebounds and method_colliders(scene):
         return replace(_choose_by_scene(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
     if any(body.is_particles for body in scene.bodies()):
-        return replace(_choice_as_named(scene, "xpbd", TABLE["backward_euler"], "constraints move particles"), judged=False)
+        return _choice_as_named(scene, "xpbd", TABLE["backward_euler"], "constraints move particles")
     if any(body.is_cluster for body in scene.bodies()):
         return _choose_for_clusters(model, method)
     if scene.solver == "explicit" or (method and method.explicit):
@@ -293,8 +291,8 @@ def reason_against_explicit(model: Model, other: str) -> str:
     if _has_hard_constraints(model):
         return f"tethers or strain limits: {other} solves them and forces together"
     for body in model.bodies:
-        rest, ends = edge_lengths(body), body.places[body.edges - body.first]
-        if np.any(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > STRETCHED * np.maximum(rest, 1e-12)):
+        along = np.diff(body.places[body.edges - body.first], axis=1)
+        if np.any(np.linalg.norm(along, axis=2)[:, 0] > STRETCHED * np.maximum(edge_lengths(body), 1e-12)):
             return f"{body.path} starts with an edge stretched beyond {STRETCHED:g} times its length"
     return ""
 
