@@ -1,15 +1,14 @@
 """Which solver and integrator a scene is stepped with: what it names, and where it leaves that open, what costs least of what
 errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 L / g) of a fall through a body's size L.
 
-    explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.frequency`,
-                `wsim.physics.motion.stability`), a launch or less each; where it is stable it errs by less than any of the
-                others at any price; where slivers make it dear, with mass (`wsim.physics.motion.fused.mass_scaling`)
+    explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.stability`); where it is stable it errs by
+                less than the others; where slivers make it dear, with mass (`wsim.physics.motion.fused.mass_scaling`)
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
                 other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies; of sheets
                 BDF2 with one Newton step a substep, where as many as the wanted error takes cost less than sweeps
-    xpbd        as many substeps of backward Euler as the wanted error takes, or those that the scene names if they are more, and
-                the scene's sweeps or one, whichever costs less; so many that the edges that carry a cloth are strained by no
-                more than STRAINED times that error. Particles: what the scene names
+    xpbd        as many substeps of backward Euler as the wanted error takes, or those that the scene names if they are more,
+                and the scene's sweeps or one, whichever costs less; so many that the edges that carry a cloth are strained by
+                no more than STRAINED times that error. Particles: what the scene names
 
 What each errs by: `wsim.simulation.predicted.errors`. What a frame costs: `wsim.simulation.cost`. How often the choice misses:
 tools/bench/choice/misses.py (tools/results/data/choice_*.json). For so many frames a second: `wsim.simulation.predicted.rate`.
