@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["Box", "Capsule", "Collider", "Cone", "Cylinder", "Deformable", "Load", "Motion", "Pin", "Plane", "Problem", "Scene",
            "SceneError", "Shape", "Sphere", "Surface", "Tie", "Varying"]
 
-COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation")      # of a body's shape
+COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation",
+                   "solref", "solimp")                                                                    # of a body's shape
 
 
 def _motion_or_placement(path: str, at, more: dict) -> Motion:
@@ -59,11 +60,9 @@ class Scene(ArrayDataclass):
 
     gravity         acceleration, (3,) [m/s^2]; None: 9.81 against `up`
     wind            velocity of the air, (3,) [m/s]
-    air_density     [kg/m^3]
-    air_drag        decay rate of every point's velocity [1/s]
+    air_density     [kg/m^3]; air_drag: decay rate of every point's velocity [1/s]
     up              axis that points up, "Y" or "Z"
-    fps             frames (time codes) a second [1/s]
-    start           time code of the first frame [frames], the initial state
+    fps             frames (time codes) a second [1/s]; start: time code of the first frame [frames], the initial state
     frames          how many frames to simulate
     substeps        substeps a frame, where neither the solver nor, if nobody named them, stacks of bodies choose more
     iterations      solver iterations a substep
@@ -71,14 +70,14 @@ class Scene(ArrayDataclass):
     integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
     contact_width   distance over which contacts are soft [m]; 0: hard contacts
     contact_tolerance   residual of rigid contacts at which sweeps end [m/s]; 0: after `iterations`
+    contact_model   of rigid bodies: "rigid", or "mujoco": soft as in MuJoCo, see `Collider.solref`
     coordinates     of bodies with joints: "auto", "maximal" (each body has six) or "reduced" (those of the joints)
     sleep_speed     speed of rigid bodies under which an island goes to sleep [m/s]; 0: none does
     error           wanted RMS error of positions over the scene's size [1], for "auto"
     objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `clusters`, `body`, `joint`,
                     `rods`, `smoke`, `liquid`, `mpm`, `add`
     colliders       list of `Collider`; `scene.collider(...)`
-    pins            list of `Pin`; `scene.pin(...)`
-    ties            list of `Tie`; `scene.tie(...)`
+    pins, ties      lists of `Pin`, `Tie`; `scene.pin(...)`, `scene.tie(...)`
     loads           list of `Load`; `scene.force(...)`, `scene.traction(...)`
     varying         list of `Varying`; the fields above have their values at the start
     source          file that it was loaded from
@@ -100,6 +99,7 @@ class Scene(ArrayDataclass):
     integrator: str = "auto"
     contact_width: float = 0.0
     contact_tolerance: float = 0.0
+    contact_model: str = "rigid"
     coordinates: str = "auto"
     sleep_speed: float = 0.0
     error: float = 0.01

@@ -24,8 +24,7 @@ TURN = {"X": (1, 2, 0), "Y": (2, 0, 1), "Z": (0, 1, 2)}      # axes of a frame w
 
 @dataclass(frozen=True)
 class Plane:
-    """A half space: all on one side of a plane through the own origin is solid, without end, as in `scene.collider("/floor",
-    Plane())`.
+    """A half space: all on one side of a plane through the own origin, as in `scene.collider("/floor", Plane())`.
 
     axis    own axis out of the solid, "X", "Y" or "Z"; None: the scene's up where `Scene.collider` places it by `at`, else "Z"
     """
@@ -129,12 +128,13 @@ class Collider(ArrayDataclass):
     path                prim path
     shape               Plane (of axis X or Y: one of axis Z in a turned frame), Sphere, Box, Capsule, Cylinder, Cone, Surface
     motion              own frame to world over time, rigid, lengths [m]; a scale belongs into the shape's sizes
-    static_friction     coefficient of friction [1] up to which a contact sticks
-    dynamic_friction    coefficient of friction of a contact that slides [1]
+    static_friction     coefficient of friction [1] up to which a contact sticks; dynamic_friction: of one that slides
     thickness           kept free around it [m], besides half of the cloth's own; None: what hides chords, see wsim/scene/check/
     restitution         share of the speed along its normal with which a point rebounds [1], 0 to 1
     meets               False, of a rigid body's: it has mass and touches nothing
     approximation       of a Surface: one of APPROXIMATIONS, as which rigid bodies meet it (points meet the mesh itself)
+    solref, solimp      of MuJoCo's contacts (`Scene.contact_model`): time constant [s], damping ratio; impedance at no depth,
+                        impedance at a width, that width [m], midpoint, power
     """
 
     path: str
@@ -146,6 +146,8 @@ class Collider(ArrayDataclass):
     restitution: float = 0.0
     meets: bool = True
     approximation: str = "none"
+    solref: tuple[float, ...] = (0.02, 1.0)
+    solimp: tuple[float, ...] = (0.9, 0.95, 0.001, 0.5, 2.0)
 
     def __post_init__(self):
         if isinstance(self.shape, Plane) and self.shape.axis is not None:
@@ -280,16 +282,14 @@ SOLIDS: list[ShapeRow] = [
              stretch=lambda b: b.half),
     ShapeRow("capsule", Capsule, ball=lambda c: float(c.radius) + float(c.half_height),
              curvature=lambda c: c.radius, distance=_capsule_distance, usd={"Capsule": ROUND, "Capsule_1": ENDS},
-             written=("Capsule",), read=lambda *lengths: _tapered_dimensions(lengths),
-             scaled=_round_shape_scaler(Capsule, (1, 2)),
+             written=("Capsule",), read=lambda *sizes: _tapered_dimensions(sizes), scaled=_round_shape_scaler(Capsule, (1, 2)),
              outline=lambda p, sides: primitives.capsule_outline(p[0], p[1], p[2], sides), write=_radius_and_height,
              given=lambda c: (c.radius, c.radius, c.half_height), vanishing=("half_height",)),
     ShapeRow("cylinder", Cylinder, ball=lambda c: hypot(c.radius, c.half_height), curvature=lambda c: c.radius,
              distance=_cylinder_distance, usd={"Cylinder": ROUND, "Cylinder_1": ENDS}, written=("Cylinder",),
-             read=lambda *lengths: _tapered_dimensions(lengths),
-             scaled=_round_shape_scaler(Cylinder, (1,)), outline=lambda p,
-             sides: primitives.cylinder_outline(p[0], p[1], p[2], sides),
-             write=_radius_and_height, given=lambda c: (c.radius, c.radius, c.half_height)),
+             read=lambda *lengths: _tapered_dimensions(lengths), scaled=_round_shape_scaler(Cylinder, (1,)),
+             outline=lambda p, sides: primitives.cylinder_outline(p[0], p[1], p[2], sides), write=_radius_and_height,
+             given=lambda c: (c.radius, c.radius, c.half_height)),
     ShapeRow("cone", Cone, ball=lambda c: hypot(c.radius, c.half_height), distance=_cone_distance, usd={"Cone": ROUND},
              written=("Cone",),
              curvature=lambda c: 0.5 * c.radius * hypot(c.radius, 2.0 * c.half_height) / (2.0 * c.half_height),

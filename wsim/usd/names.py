@@ -78,6 +78,7 @@ OTHERS = (
     AttributeEntry("Scene", "solver", WSIM_SCENE, "wsim:solver", "token", uniform=True),
     AttributeEntry("Scene", "integrator", WSIM_SCENE, "wsim:integrator", "token", uniform=True),
     AttributeEntry("Scene", "coordinates", WSIM_SCENE, "wsim:coordinates", "token", uniform=True),
+    AttributeEntry("Scene", "contact_model", WSIM_SCENE, "wsim:contactModel", "token", uniform=True),
 
     AttributeEntry("Bulk", "model", WSIM_MATERIAL, "wsim:elasticModel", "token", uniform=True),
 

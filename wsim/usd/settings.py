@@ -19,7 +19,7 @@ from wsim.usd.stage import StageReading, StageUnits, open_stage
 LEAST = 1e-12          # of a unit, in metres, kilograms and seconds: powers of it are numbers too
 LATEST = 1e9           # a time code: a millionth of a frame is still told from the next one
 LONG = 100_000         # frames of a stage (an hour at 24 a second): beyond, --frames says how many are meant
-FIELDS = ("substeps", "iterations", "solver", "integrator", "coordinates", *schema_fields("Scene"))
+FIELDS = ("substeps", "iterations", "solver", "integrator", "coordinates", "contact_model", *schema_fields("Scene"))
 
 
 def refuse_units(reading: StageReading) -> None:

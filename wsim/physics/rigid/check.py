@@ -11,7 +11,7 @@ from wsim.physics.rigid.solids import (
     bodies_met_by_strands,
     bodies_touch_points,
     contact_shape_of,
-    enabled_joints,
+    has_soft_contacts,
 )
 from wsim.physics.rigid.solids.faults import check_concave_mesh
 from wsim.scene import Plane, Problem, Scene, Surface
@@ -103,10 +103,14 @@ def _check_soft_contact_options(body: Body, scene: Scene) -> Iterator[Problem]:
                              f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way, and all "
                              "contacts of this scene are hard", "0", "leave out wsim:contactWidth, or make the body kinematic")
     if body is scene.things("Body")[0] and scene.contact_tolerance > 0.0 and (
-            bodies_touch_points(scene) or enabled_joints(scene) or bodies_met_by_strands(scene)):
-        yield object_warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where there "
-                             "are joints, or bodies touch cloth, springs, soft bodies or rods", "0",
+            bodies_touch_points(scene) or bodies_met_by_strands(scene)):
+        yield object_warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where "
+                             "bodies touch cloth, springs, soft bodies or rods", "0",
                              "leave it out, and give iterations")
+    bouncing = [c for c in body.colliders if c.restitution > 0.0]
+    if bouncing and has_soft_contacts(scene):
+        yield object_warning(bouncing[0].path, f"has restitution {bouncing[0].restitution:g}; contact_model mujoco "
+                             "has none", "0", "give solref a damping ratio below 1: such a contact throws back")
 
 
 def _check_mesh_approximations(body: Body, scene: Scene) -> Iterator[Problem]:

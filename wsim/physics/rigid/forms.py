@@ -66,10 +66,8 @@ class ContactPassForm:
         self.tolerance = 0.0 if linked else model.scene.contact_tolerance
         if self.tolerance > 0.0 and self.name == "launches":
             self.name = "cluster" if model.device.is_cuda else "coloured"     # a launch cannot ask whether another is needed
-        self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
-        self.threads = THREADS * self.blocks if self.wide else 1
-        self.meet = meet = block.cluster_barrier if self.blocks > 1 else block.block_barrier if self.wide else block.no_barrier
-        self.sizes = sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+        self.prepare_threads(model)
+        meet, sizes = self.meet, self.sizes
         of = self.coloured, self.tolerance > 0.0, bouncing, bool(linked), self.blocks
         self.module = module = model.shared_module("rigid_steps", *of, threads=THREADS * self.wide)
         self.kinds = [soft_step.contact_kind(real, self.coloured, self.tolerance > 0.0)]
@@ -106,6 +104,18 @@ class ContactPassForm:
             return
         rest = block.block_barrier if self.wide else block.no_barrier
         self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
+
+    def prepare_threads(self, model) -> None:
+        """Settles how many threads meet, and how."""
+        self.model = model
+        self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
+        self.threads = THREADS * self.blocks if self.wide else 1
+        self.meet = block.cluster_barrier if self.blocks > 1 else block.block_barrier if self.wide else block.no_barrier
+        self.sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+
+    def sleep_form(self) -> "ContactPassForm":
+        """The form of the kernels that settle what sleeps."""
+        return self
 
     def parts(self, make, bouncing: bool, **more) -> Any:
         """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`), in place of those of a

@@ -60,7 +60,7 @@ class RigidMethod(Method):
         self.Bodies, self.Moving = motion.body_structs(b.model.real)
         self.table = self.given = self._tables()
         from wsim.physics.rigid.joints.trees.choose import make_joints
-        self.joints: Any = make_joints(b, self) if solids.enabled_joints(scene) else None
+        self.joints: Any = make_joints(b, self) if solids.enabled_joints(scene) or solids.has_soft_contacts(scene) else None
         self.offers = Ports(bodies=self)
         if self.joints:
             self.offers.drive_targets = self.joints.followed

@@ -120,7 +120,8 @@ def _check_scene_settings(scene: Scene) -> Iterator[Problem]:
 def _check_solver_choice(scene: Scene) -> Iterator[Problem]:
     """Solver and integrator: known, and made for each other."""
     for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, ("auto", *TABLE)),
-                                 ("coordinates", scene.coordinates, ("auto", "maximal", "reduced"))):
+                                 ("coordinates", scene.coordinates, ("auto", "maximal", "reduced")),
+                                 ("contact_model", scene.contact_model, ("rigid", "mujoco"))):
         if found not in allowed:
             yield thing_error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return

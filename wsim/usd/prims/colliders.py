@@ -14,7 +14,7 @@ from wsim.scene.curve import Curve, Motion
 from wsim.scene.solids import APPROXIMATIONS, SAME, ShapeRow, claiming_shape_row, shape_row
 from wsim.usd import attributes, names
 from wsim.usd.load_varying import check_topology, note_varying_values, value_attributes_of_prim
-from wsim.usd.prims.fabric import author_friction, bind_physics_material, bound_physics_material, load_contact
+from wsim.usd.prims.fabric import author_friction, author_softness, bind_physics_material, bound_physics_material, load_contact
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import Placement, author_motion, read_placement, split_rotation_scale
 
@@ -235,12 +235,12 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
     prim.AddAppliedSchema(names.COLLISION)
     if isinstance(collider.shape, Surface):
         prim.AddAppliedSchema(names.MESH_COLLISION)
-        if collider.approximation != "none":
-            attribute = prim.CreateAttribute(APPROXIMATION, Sdf.ValueTypeNames.Token, False, Sdf.VariabilityUniform)
-            attribute.Set(collider.approximation)
+        if (said := collider.approximation) != "none":
+            prim.CreateAttribute(APPROXIMATION, Sdf.ValueTypeNames.Token, False, Sdf.VariabilityUniform).Set(said)
     if collider.thickness is not None:
         prim.AddAppliedSchema(names.WSIM_COLLIDER)
         attributes.author_attribute(prim, "Collider", "thickness", collider.thickness, units)
+    author_softness(prim, collider)
     existing = stage.GetPrimAtPath(material)
     bind_physics_material(prim, existing if existing else author_friction(stage, material, surface_values(collider), units))
 

@@ -21,6 +21,7 @@ from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
 DEFORMABLE = (names.SURFACE_MATERIAL, names.CURVES_MATERIAL, names.VOLUME_MATERIAL)
 UNAUTHORED = (None, -math.inf)     # what stands for "derive it"
+SOFT = "solref", "solimp"          # of MuJoCo's contacts, as mjc: attributes of a collider
 UNBOUND_FRICTION = 0.5             # where no physics material is bound, as in `wsim.scene`
 
 
@@ -86,7 +87,22 @@ def load_contact(reading: StageReading, prim: Usd.Prim) -> dict[str, Any]:
     """Values of a collider that contacts with it know, by its fields: friction, restitution and thickness [m] (None where
     open)."""
     return {**friction_by_name(reading, prim), "restitution": load_restitution(reading, prim),
-            "thickness": read_attribute(prim, "Collider", "thickness", reading.units)}
+            "thickness": read_attribute(prim, "Collider", "thickness", reading.units), **_soft_contact_by_name(prim)}
+
+
+def _soft_contact_by_name(prim: Usd.Prim) -> dict[str, tuple[float, ...]]:
+    """solref and solimp of MuJoCo's contacts, where a prim authors them."""
+    found = {name: prim.GetAttribute(f"mjc:{name}") for name in SOFT}
+    return {name: tuple(map(float, attribute.Get())) for name, attribute in found.items()
+            if attribute and attribute.HasAuthoredValue()}
+
+
+def author_softness(prim: Usd.Prim, collider) -> None:
+    """Writes solref and solimp of a collider, where they are not MuJoCo's defaults."""
+    for name in SOFT:
+        value = getattr(collider, name)
+        if value != type(collider).__dataclass_fields__[name].default:
+            prim.CreateAttribute(f"mjc:{name}", Sdf.ValueTypeNames.DoubleArray, False).Set(list(value))
 
 
 def load_fabric(reading: StageReading, prim: Usd.Prim, body_density: float | None, thickness: float | None) -> Fabric:

@@ -241,8 +241,6 @@ def tree_step_functions(real, moving: bool = False):
     @wp.func
     def predict_tree(g: int, k: int, scheme: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """One step of a scheme from q, qd, without limits; `rates` is the mean rate of the coordinates."""
-        if wp.static(moving):
-            kick_tree(g, k, h, T, J)
         if scheme == RK4:
             predict_by_stages(g, k, h, b, T, J)
         elif scheme == ROS2:
@@ -255,6 +253,8 @@ def tree_step_functions(real, moving: bool = False):
     def step_tree(g: int, k: int, h: wp.float64, b: Bodies, T: Trees, J: Linked):
         """One step, with limits and dry friction where they act: their impulses change the end velocity and the mean rate
         alike."""
+        if wp.static(moving):
+            kick_tree(g, k, h, T, J)
         predict_tree(g, k, T.integrator[g], h, b, T, J)
         if passes_tree_limit(g, T, J) == 1:
             dofs = tree_dofs(g, T)
@@ -289,4 +289,4 @@ def tree_step_functions(real, moving: bool = False):
             close_tree_loops(g, T)
 
     return SimpleNamespace(evaluate=evaluate_tree, begin=begin_tree, step=step_tree, write=tree_writing_func(real),
-                           predict=predict_tree)
+                           kick=kick_tree, predict=predict_tree)

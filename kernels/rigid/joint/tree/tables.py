@@ -153,6 +153,11 @@ def tree_structs():
         answer_link: wp.array(dtype=int)             # of rows of those: the link
         answer: wp.array(dtype=wp.float64)           # of links: Z (responses.py), (dofs on the way to the root, 6) each
         swing: wp.array(dtype=mat66d)                # of links: Z^T Z, spatial velocity by a wrench at O
+        flags: wp.array(dtype=int)                   # of worlds, two each (contact/impacts.py)
+        residual: wp.array(dtype=wp.float64)         # of worlds, of the last look [m/s], and the one at which sweeps end
+        tolerance: wp.float64
+        solref: wp.array(dtype=wp.vec2d)             # of shapes (contact/soft_model.py)
+        solimp: wp.array(dtype=vec5d)
         left: wp.array(dtype=wp.float64)             # of trees: what the last sweep over limits changed, at most in a frame
         scheme: int                                  # of all trees, as `integrator`; -1: by the stiffness of their drives
         moves: int                                   # 1: some links hang from what moves (bases.py)

@@ -67,11 +67,11 @@ class RigidContactTables:
         own = shared("rigid_meshes", *sorted(on_meshes), lanes, *["of bodies"] * self.mesh_bodies) if on_meshes else None
         self.on_meshes = own and collide_mesh.collide_mesh(on_meshes, real, own, lanes, self.mesh_bodies)
         self.flush = flush.flush_seam_kernels(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
-        form = method.joints.contact_form() if method.joints else None
+        form = method.joints.contact_form(self) if method.joints else None
         self.form: forms.ContactPassForm = form or forms.choose_pass_form(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
-            method.sleep.make(self.form)
+            method.sleep.make(self.form.sleep_form())
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
         self.parts = (StatePart.allocate("rigid pairs", PAIRS, 0, real, self.device, self._pair_room()),
@@ -91,9 +91,9 @@ class RigidContactTables:
         owned += [(self.still_first + s, -1, c, contact_shape_of(c, False)) for s, c in enumerate(self.colliders)]
         rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
         self.named = [(method.bodies[k][0].path if k < self.still_first else c.path, world) for k, world, c, _ in rows_of]
-        mine, forms_of = len(self.owners), [met for *_, met in rows_of]         # shapes of bodies come first
+        mine, (self.shape_colliders, forms_of) = len(self.owners), zip(*[row[2:] for row in rows_of], strict=True)
         centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
-        cores, sizes, balls, skins = meetings.contact_shape_figures(forms_of)
+        cores, sizes, balls, skins = meetings.contact_shape_figures(list(forms_of))
         places = np.concatenate([meetings.collider_places_in_body([method.masses[k] for k, _, _ in self.owners],
                                                          [c for _, _, c in self.owners], centers[:mine]),
                                  np.hstack([centers[mine:], np.tile([0.0, 0, 0, 1], (len(forms_of) - mine, 1))])])

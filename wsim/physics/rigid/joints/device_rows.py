@@ -1,11 +1,13 @@
-"""Joints as the device has them: a distance apart, no cone without a width, and the twist about the only axis that turns."""
+"""Joints as the device has them: a distance apart, no cone without a width, the twist about the only axis that turns; rows."""
 
 from math import inf
 
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.joint import AXES, Joint
+from wsim.kernels.rigid.joint import tables
+from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE, GENERAL
+from wsim.physics.rigid.joints.joint import AXES, Drive, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
 
 TABLES = ("limits", "drives", "armature", "friction", "mimics")            # of a joint, by coordinate
@@ -49,3 +51,37 @@ def rename_twist_axis(joint: Joint) -> Joint:
         return {renamed_axis(name): value for name, value in table.items()}
     turns = {name: rotation.quat_product(getattr(joint, name), q) for name in ("turn0", "turn1")}
     return Joint(**vars(joint) | turns | {name: rename_axes(getattr(joint, name)) for name in TABLES})
+
+
+def joint_form_code(joint: Joint) -> int:
+    """What its coordinates are (kernels/rigid/joint/coordinates.py)."""
+    if LENGTH in joint.limits or LENGTH in joint.drives:
+        return int(DISTANCE)
+    return int(CONE if joint.cone is not None else GENERAL)
+
+
+def inverse_cone_angles(joint: Joint) -> tuple[float, float]:
+    """1 / half angle [1/rad], 0 where it is free."""
+    y, z = joint.cone or (inf, inf)
+    return 1.0 / y, 1.0 / z
+
+
+def joint_row_columns(joint: Joint) -> dict[str, list]:
+    """What the six rows of a joint are."""
+    names = ("kind", "drive", "low", "high", "stiffness", "damping", "target", "speed", "most")
+    found: dict[str, list] = {name: [] for name in names}
+    form = joint_form_code(joint)
+    for k, name in enumerate(AXES):
+        name = LENGTH if form == DISTANCE and k == 0 else name
+        low, high = joint.limits.get(name, (-inf, inf))
+        kind = tables.LOCKED if low >= high else tables.LIMITED if low > -inf or high < inf else tables.FREE
+        if form == CONE and k > 3:
+            low, high, kind = 0.0, inf, tables.LIMITED if k == 4 else tables.FREE
+        drive = joint.drives.get(name, Drive())
+        on = drive.stiffness > 0.0 or drive.damping > 0.0
+        found["kind"].append(int(kind))
+        found["drive"].append(int(on and (tables.ACCELERATION if drive.acceleration else tables.FORCE)))
+        for column, value in (("low", low), ("high", high), ("stiffness", drive.stiffness), ("damping", drive.damping),
+                              ("target", drive.target), ("speed", drive.speed), ("most", drive.most)):
+            found[column].append(value)
+    return found

@@ -1,6 +1,5 @@
 """Joints on the device: their tables, the part "joints" of the state, the poses of what they are fixed to."""
 
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -8,14 +7,20 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid.joint import tables
-from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE, GENERAL
 from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.aims import DriveTargets, varying_drive_targets
-from wsim.physics.rigid.joints.device_rows import device_rows, drop_cone, rename_twist_axis
+from wsim.physics.rigid.joints.device_rows import (
+    device_rows,
+    drop_cone,
+    inverse_cone_angles,
+    joint_form_code,
+    joint_row_columns,
+    rename_twist_axis,
+)
 from wsim.physics.rigid.joints.islands import elimination_order
-from wsim.physics.rigid.joints.joint import AXES, LIVE, Drive, Joint
+from wsim.physics.rigid.joints.joint import AXES, LIVE, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
 
 FIELDS = (StateField("quarters", "", True, "quarter turns of the twist, counted on", "int"),
@@ -34,7 +39,7 @@ class DeviceJoints:
         parts = [(k, part, rename_twist_axis(part)) for k, joint in enumerate(self.given)
                  for part in device_rows(drop_cone(joint))]
         self.every = [(k, j, dict(zip(part.drives, j.drives, strict=True))) for k, part, j in parts]     # drives by new names
-        pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j, _ in self.every])
+        pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j, _ in self.every], int).reshape(-1, 2)
         one = elimination_order(pairs, len(rows))
         self.order_of = one.joint
         self.joints, self.pairs = [self.every[k][1] for k in one.joint], pairs[one.joint]
@@ -42,7 +47,7 @@ class DeviceJoints:
         worlds = b.model.worlds
         self.order = one.repeat_for_worlds(worlds, len(rows))
         self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
-        self.part = StatePart.allocate("joints", FIELDS, self.count, b.model.real, self.device)
+        self.part = StatePart.allocate("joints", FIELDS, self.count, b.model.real, self.device, max(1, self.count))
         path, n = b.scene.things("Body")[0].written, len(self.joints)             # joints have no samples: they go with a body
         self.part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
         self.sweeps = max(SWEEPS, b.scene.iterations)
@@ -68,17 +73,18 @@ class DeviceJoints:
 
     def _tables(self, worlds: int) -> None:
         up, order, n = self._to_device, self.order, len(self.joints)
+        joints, pairs = (self.joints, self.pairs) if n else ([Joint("")], np.array([[-1, -1]]))     # a row, which is not read
         Joints, Linked = tables.joint_table_structs()
         origin, masses, bodies = self.method.origin, self.method.masses, len(self.method.bodies)
         per = bodies // worlds
 
         def tiled(values, dtype):
             return up(np.concatenate([np.asarray(values)] * worlds), dtype)
-        sides = self.side_frames(masses)
-        self.anchor = np.array([_anchor_origin(j) for j in self.joints])
-        from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
-        body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
-        rows = [_joint_row_columns(j) for j in self.joints]
+        sides = self.side_frames(masses) or [(np.zeros(3), ONE)] * 2
+        self.anchor = np.array([_anchor_origin(j) for j in joints])
+        from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(pairs)]
+        body = [np.where(pairs[:, s] < 0, -1, pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
+        rows = [joint_row_columns(j) for j in joints]
         shape = {name: tiled([r[name] for r in rows], int if name in ("kind", "drive") else wp.float64) for name in rows[0]}
         lists = {name: up(getattr(order, name), int)
                  for name in ("first_joint", "first_body", "body", "first_near", "near", "first_target")}
@@ -86,9 +92,9 @@ class DeviceJoints:
                         at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
                         turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd),
                         turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd), apart=tiled([b - a for a, b in from_to], wp.vec3d),
-                        form=tiled([_joint_form_code(j) for j in self.joints], int), closed=tiled(self.closed, int),
-                        alone=tiled(self.single, int), cone=tiled([_inverse_cone_angles(j) for j in self.joints], wp.vec2d),
-                        breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
+                        form=tiled([joint_form_code(j) for j in joints], int), closed=tiled(self.closed, int),
+                        alone=tiled(self.single, int), cone=tiled([inverse_cone_angles(j) for j in joints], wp.vec2d),
+                        breaking=tiled([(j.force, j.torque) for j in joints], wp.vec2d),
                         w=up([1.0 / m.mass for m in masses], wp.float64),
                         linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int), target_block=up(order.target, int),
                         **shape, **lists)
@@ -149,6 +155,8 @@ class DeviceJoints:
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of anchors at the substeps of a frame; still ones once; what drives are asked for."""
+        if not self.joints:
+            return
         for each in filter(None, (self.aims, self.actuators)):
             each.before_frame(time, clock)
         self.method.evaluates["anchors"] = [j.path for j in self.joints if j.motion.moves]
@@ -190,7 +198,7 @@ class DeviceJoints:
         """Of rows of bodies those whose colours their contacts share."""
         return rows.astype(np.int32)
 
-    def contact_form(self) -> Any:
+    def contact_form(self, contacts) -> Any:
         """The `ContactPassForm` that these joints need, None: any."""
         return None
 
@@ -266,35 +274,3 @@ def _joint_frame_in_body(joint: Joint, side: int, masses: list, row: int) -> tup
         return np.zeros(3), ONE
     back = rotation.quat_conjugate(masses[row].axes)
     return rotation.quat_rotate(back, at - masses[row].center), rotation.unit_quat(rotation.quat_product(back, q))
-
-
-def _joint_form_code(joint: Joint) -> int:
-    if LENGTH in joint.limits or LENGTH in joint.drives:
-        return int(DISTANCE)
-    return int(CONE if joint.cone is not None else GENERAL)
-
-
-def _inverse_cone_angles(joint: Joint) -> tuple[float, float]:
-    y, z = joint.cone or (inf, inf)
-    return 1.0 / y, 1.0 / z
-
-
-def _joint_row_columns(joint: Joint) -> dict[str, list]:
-    """What the six rows of a joint are."""
-    names = ("kind", "drive", "low", "high", "stiffness", "damping", "target", "speed", "most")
-    found: dict[str, list] = {name: [] for name in names}
-    form = _joint_form_code(joint)
-    for k, name in enumerate(AXES):
-        name = LENGTH if form == DISTANCE and k == 0 else name
-        low, high = joint.limits.get(name, (-inf, inf))
-        kind = tables.LOCKED if low >= high else tables.LIMITED if low > -inf or high < inf else tables.FREE
-        if form == CONE and k > 3:
-            low, high, kind = 0.0, inf, tables.LIMITED if k == 4 else tables.FREE
-        drive = joint.drives.get(name, Drive())
-        on = drive.stiffness > 0.0 or drive.damping > 0.0
-        found["kind"].append(int(kind))
-        found["drive"].append(int(on and (tables.ACCELERATION if drive.acceleration else tables.FORCE)))
-        for column, value in (("low", low), ("high", high), ("stiffness", drive.stiffness), ("damping", drive.damping),
-                              ("target", drive.target), ("speed", drive.speed), ("most", drive.most)):
-            found[column].append(value)
-    return found

@@ -197,6 +197,11 @@ def has_rigid_contacts(scene) -> bool:
     return bool(bodies) and len(bodies) + len(scene_contact_colliders(scene.colliders)) > 1
 
 
+def has_soft_contacts(scene) -> bool:
+    """True if bodies touch as MuJoCo has it."""
+    return scene.contact_model == "mujoco" and has_rigid_contacts(scene)
+
+
 def enabled_joints(scene) -> list:
     """Joints of a scene that act."""
     return [joint for joint in scene.things("Joint") if joint.enabled]

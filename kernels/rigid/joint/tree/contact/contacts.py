@@ -30,8 +30,9 @@ COLUMNS = wp.constant(12)          # of a manifold: impulses at each point along
 
 
 @cache
-def link_contact_functions(real, moving: bool = False):
-    """mark, arms, prepare, end, warm, solve: functions of a manifold m. moving: what some trees hang from moves."""
+def link_contact_functions(real, moving: bool = False, soft_model: bool = False):
+    """mark, arms, prepare, end, warm, solve, residual: functions of a manifold m. moving: what some trees hang from moves;
+    soft_model: contacts give way as in soft_model.py."""
     t, Rig, friction_of = types(real), rig_type(real), surface_law_functions(real)[0]
     formulas, (store_normal, store_tangent) = impulse_formulas(real), entry_store_functions(t.mat44, t.vec3, real)
     store_rub = entry_store_functions(t.mat22, t.vec3, real)[0]
@@ -103,6 +104,16 @@ def link_contact_functions(real, moving: bool = False):
                 rig.c.rub[j] = rub
         give_wrenches(pair, a, b, T)
 
+    @wp.func
+    def point_wants(j: int, push: real, h: real, most: real, biased: int, rig: Rig):
+        """(1 where it acts, bias, part of A_ii that its impulse gives way by) of point j."""
+        if wp.static(soft_model):
+            acts = wp.where(rig.work.now[j] < real(0.0), real(1.0), real(0.0))
+            wants = t.vec3(acts, -rig.work.goal[j], rig.work.hit[j])
+        else:
+            wants = goal(rig.work.now[j], push, h, most, biased)
+        return wants
+
     @standalone_function
     @wp.func
     def normal_impulses(m: int, h: real, biased: int, u: t.vec4, before: t.vec4, rig: Rig):
@@ -115,7 +126,7 @@ def link_contact_functions(real, moving: bool = False):
         acts = wp.vec4i()
         for i in range(4):
             if i < rig.c.count[m]:
-                wants = goal(rig.work.now[4 * m + i], before[i], h, most, biased)
+                wants = point_wants(4 * m + i, before[i], h, most, biased, rig)
                 soft[i] = wants[2]
                 close[i] = wp.where(wants[2] == real(0.0), real(NEAR), real(0.0))
                 if wants[0] > real(0.0) and A[i, i] > real(0.0):
@@ -170,6 +181,27 @@ def link_contact_functions(real, moving: bool = False):
                     rig.c.rub[j] = rub
         give_wrenches(pair, a, b, T)
 
+    @standalone_function
+    @wp.func
+    def link_manifold_residual(m: int, k: int, h: real, biased: int, rig: Rig, T: Trees):
+        """What points would change if each were solved by itself [m/s], at most (complementarity/converged.py)."""
+        found = real(0.0)
+        pair = read_link_pair(m, k, rig, T)
+        n = rig.c.n[m]
+        A = rig.work.A[m]
+        for i in range(rig.c.count[m]):
+            j = 4 * m + i
+            push = rig.c.push[j]
+            u = pair_slip(pair, m, i, rig)
+            wants = point_wants(j, push, h, fastest(m, rig), biased, rig)
+            bears = A[i, i] * push
+            if wants[0] > real(0.0) and A[i, i] > real(0.0):
+                found = wp.max(found, wp.abs(wp.min(bears, wp.dot(n, u) + wants[1] + wants[2] * bears)))
+            K = rig.work.K[j]
+            more = rubbed(rig.c.rub[j], u, n, K, push, friction_of(m, rig)) - rig.c.rub[j]
+            found = wp.max(found, real(0.5) * (K[0] + K[2]) * wp.length(more))
+        return found
+
     @wp.func
     def mark_met_links(m: int, rig: Rig, T: Trees):
         """Notes that the links of a manifold need responses. One lane."""
@@ -183,4 +215,4 @@ def link_contact_functions(real, moving: bool = False):
                 T.met[T.link_of[g]] = 1
 
     return SimpleNamespace(mark=mark_met_links, arms=prepare_arms, prepare=prepare_column, end=drop_stuck_points,
-                           warm=warm_link_manifold, solve=solve_link_manifold)
+                           warm=warm_link_manifold, solve=solve_link_manifold, residual=link_manifold_residual)

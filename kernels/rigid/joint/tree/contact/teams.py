@@ -12,8 +12,9 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 
 @wp.struct
 class WorldTeam:
-    """A team of a world: its number of so many, the trees and manifolds of the world, first and last, and the place behind
-    the listed ones that touch."""
+    """A team of a world, which has a number: its own of so many, the trees and manifolds of the world, first and last, and the
+    place behind the listed ones that touch."""
+    world: int
     number: int
     of: int
     tree: int
@@ -45,6 +46,7 @@ def world_team_func(real):
     def world_team(warp: int, teams: int, rig: Rig, T: Trees):
         w = warp // teams
         found = WorldTeam()
+        found.world = w
         found.number = warp % teams
         found.of = teams
         found.tree = T.first_tree[w]
@@ -86,10 +88,26 @@ def touching_manifold_functions(real, coloured: bool):
     def nth_touching_manifold(place: int, rig: Rig):
         m = place
         if wp.static(coloured):
-            if rig.c.count[m] == 0:
+            if rig.c.count[m] <= 0:
                 m = -1
         else:
             m = rig.work.order[place]
         return m
 
     return list_touching_manifolds, nth_touching_manifold
+
+
+def world_flag_func(meet):
+    """Function (flag, team, T): what a team has said since this was asked last, and then forgets; all get it."""
+    @standalone_function
+    @wp.func
+    def world_flag_was_raised(flag: int, team: WorldTeam, T: Trees):
+        meet()
+        said = T.flags[2 * team.world + flag]
+        meet()
+        if team.number == 0 and tree_lane() == 0:
+            T.flags[2 * team.world + flag] = 0
+        meet()                                       # before anyone may say it again
+        return said
+
+    return world_flag_was_raised

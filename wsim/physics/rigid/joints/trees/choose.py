@@ -8,7 +8,6 @@ from typing import Any
 
 from wsim.physics.rigid import solids
 from wsim.physics.rigid.joints.tables import DeviceJoints
-from wsim.physics.rigid.meetings import has_restitution
 from wsim.scene import Problem, SceneError
 
 
@@ -19,11 +18,6 @@ def why_maximal(b) -> str:
         return "gradients"
     if solids.bodies_touch_points(scene) or solids.bodies_met_by_strands(scene):
         return "bodies touch points or strands"
-    if solids.has_rigid_contacts(scene):
-        if has_restitution(scene):
-            return "contacts with restitution"
-        if solids.bodies_may_sleep(scene):
-            return "bodies in contact may sleep"
     return ""
 
 
@@ -40,6 +34,9 @@ def make_joints(b, method) -> Any:
             return trees
         except ValueError as error:
             why = str(error)
+    if solids.has_soft_contacts(b.scene):
+        raise SceneError(Problem("/", "contact_model is mujoco, which bodies have in reduced coordinates alone; here are "
+                                 f"maximal ones ({why}); allowed: rigid; fix: leave wsim:contactModel out, or change that"))
     if wanted == "reduced":
         raise SceneError(Problem("/", f"coordinates is reduced, which this scene cannot have ({why}); allowed: auto, maximal; "
                                  "fix: leave wsim:coordinates out"))
@@ -48,7 +45,16 @@ def make_joints(b, method) -> Any:
     joints.ignored = ignored_terms(joints.given, why)
     if joints.ignored and wanted == "maximal":
         raise SceneError(Problem("/", f"coordinates is maximal, and {joints.ignored}"))
+    joints.ignored = joints.ignored or ignored_tolerance(b.scene, why)
     return joints
+
+
+def ignored_tolerance(scene, why: str) -> str:
+    """What is said of a residual that contacts beside joints in maximal coordinates do not know."""
+    if scene.contact_tolerance == 0.0 or not solids.has_rigid_contacts(scene):
+        return ""
+    return (f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where joints take maximal "
+            f"coordinates: {why}; fix: change that, or leave it out and give iterations")
 
 
 def ignored_terms(joints: list, why: str) -> str:

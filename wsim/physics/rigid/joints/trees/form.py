@@ -10,6 +10,7 @@ from wsim.kernels.math import block
 from wsim.kernels.rigid.joint.tree.contact.touching import touching_tree_kernel
 from wsim.kernels.rigid.joint.tree.lanes import LANES, tree_barrier
 from wsim.physics.rigid import forms
+from wsim.physics.rigid.joints.trees.contact_tables import tree_contact_needs
 
 
 class TreeContactForm(forms.ContactPassForm):
@@ -43,9 +44,16 @@ class TreeContactForm(forms.ContactPassForm):
             own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS * self.wide)
             self.kernels["colours"] = contact_colour_kernel(model.real, own, meet, **sizes)
         block_size = min(forms.THREADS, self.threads)
-        moves = bool(self.trees.trees.moves)
-        module = model.shared_module("rigid_touching_trees", self.blocks, self.coloured, moves, threads=block_size)
-        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, moves, **sizes)
+        needs = tree_contact_needs(model.scene, bool(self.trees.trees.moves))
+        self.tolerance = model.scene.contact_tolerance
+        module = model.shared_module("rigid_touching_trees", self.blocks, self.coloured, *needs.key, threads=block_size)
+        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, needs, **sizes)
+
+    def sleep_form(self) -> forms.ContactPassForm:
+        device = self.model.device
+        found = forms.form_by_name("block", device) if device.is_cuda else forms.ContactPassForm("listed")
+        found.prepare_threads(self.model)
+        return found
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         rig.work.strayed.zero_()

@@ -9,13 +9,14 @@ from wsim.geometry import rotation
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.joint.tree.alone import tree_velocity_kernel
 from wsim.kernels.rigid.joint.tree.lanes import LANES
-from wsim.kernels.rigid.joint.tree.tables import mat66d, tree_structs
+from wsim.kernels.rigid.joint.tree.tables import tree_structs
 from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.joint import AXES, PASSIVE
 from wsim.physics.rigid.joints.tables import DeviceJoints
 from wsim.physics.rigid.joints.trees.bases import base_tables
+from wsim.physics.rigid.joints.trees.contact_tables import add_soft_tables, contact_tables
 from wsim.physics.rigid.joints.trees.links import FITS, tree_links
 from wsim.physics.rigid.joints.trees.loop_tables import loop_tables, tree_loop_frames
 from wsim.physics.rigid.joints.trees.loops import MIMIC, loop_gaps, start_violations
@@ -96,7 +97,7 @@ class DeviceTrees(DeviceJoints):
                         **{name: up(np.tile(self._dof_values(name), worlds), wp.float64) for name in PASSIVE})
         bases, parts = base_tables(self)
         self.tree_parts += parts
-        more = bases | {"first_column": up(of_worlds("first_column"), int)} | self._contact_tables(of_worlds)
+        more = bases | {"first_column": up(of_worlds("first_column"), int)} | contact_tables(self)
         loops = loop_tables(self, sizes)
         self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, loops=loops(), **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
@@ -119,27 +120,6 @@ class DeviceTrees(DeviceJoints):
     def stored_energy(self) -> float:
         """Kinetic energy [J] of the armature of the first world."""
         return float(0.5 * (self._dof_values("armature") * self.qd.numpy()[:self.links.first_dof[-1]]**2).sum())
-
-    def _contact_tables(self, of_worlds) -> dict[str, Any]:
-        """Tables of links that contacts may push."""
-        links, worlds, up = self.links, self.model.worlds, self._to_device
-        n, islands = len(links.body), len(links.first_link) - 1
-        if not self.touching:
-            return {}
-        tree = np.searchsorted(links.first_link, np.arange(n), side="right") - 1
-        last, entry = np.array(links.last_dof, int), np.array(links.first_entry)
-        sizes = np.where(last < 0, 0, entry[last + 1] - entry[last])               # dofs on the way from each link to the root
-        answers = 6 * np.concatenate([[0], np.cumsum(sizes)])
-        link_of = np.argsort(links.body)
-        rows = np.arange(worlds)[:, None]
-        found = {"first_tree": islands * np.arange(worlds + 1), "link_of": link_of + n * rows, "tree_of": tree + islands * rows,
-                 "first_answer": answers[:-1] + answers[-1] * rows,
-                 "last_answer": answers[np.array(links.first_link[1:], int)] + answers[-1] * rows,
-                 "answer_link": np.repeat(np.arange(n), sizes) + n * rows}
-        return {**{name: up(values.ravel(), int) for name, values in found.items()},
-                "met": wp.zeros(n * worlds, dtype=int, device=self.device),
-                "answer": wp.zeros(max(1, int(answers[-1])) * worlds, dtype=wp.float64, device=self.device),
-                "swing": wp.zeros(n * worlds, dtype=mat66d, device=self.device)}
 
     def _tree_work(self, sizes: dict[str, int], worlds: int) -> dict[str, Any]:
         def zeros(size, dtype=wp.float64):
@@ -239,7 +219,8 @@ class DeviceTrees(DeviceJoints):
             found[np.array(self.links.body, int) + per * world] = np.array(self.links.body)[self.root_of()] + per * world
         return found
 
-    def contact_form(self) -> Any:
+    def contact_form(self, contacts) -> Any:
+        add_soft_tables(self, contacts)
         from wsim.physics.rigid.joints.trees.form import TreeContactForm
         return TreeContactForm(self)
 
