@@ -53,6 +53,19 @@ def bumped(pair: Pair, same: wp.ref[Pair]):
 
 
 @wp.func
+def own_part(both: Both):
+    pair = both.pair
+    pair.b = pair.b + 1.0
+    return pair.b * both.pair.b
+
+
+@wp.func
+def read_part(both: Both, i: int):
+    pair = both.pair
+    return pair.a[i] + pair.b
+
+
+@wp.func
 def written(values: wp.array(dtype=float), i: int, x: float):
     values[i] = x
 
@@ -63,7 +76,7 @@ def cubed(x: float):
 
 
 @wp.kernel(module="compiled_source", enable_backward=False)
-def work(both: Both, out: wp.array(dtype=float)):
+def work(both: Both, out: wp.array(dtype=float), parts: wp.array(dtype=float)):
     i = wp.tid()
     pair = both.pair
     other = both.pair
@@ -75,6 +88,7 @@ def work(both: Both, out: wp.array(dtype=float)):
     if kept != 2.0 or twice.b != 3.0:
         first = 0.0
     written(out, i, read(both, i) + 10.0 * first + 1000.0 * second + 1.0e6 * replaced(pair, other, i) + pair.b)
+    parts[i] = own_part(both) + 100.0 * read_part(both, i)
 
 
 @wp.kernel(module="compiled_rooms", enable_backward=False)
@@ -101,22 +115,43 @@ def parameters(text: str, function: str) -> str:
     return re.search(rf"^static [^\n(]*\b\w*{function}_\d\(\n((?:    [^\n]*\n)+?)\{{", text, re.M)[1]
 
 
+def body_of(text: str, function: str) -> str:
+    start = re.search(rf"^static [^\n(]*\b\w*{function}_\d\(\n", text, re.M).end()
+    return text[start:text.index("\n}\n", start)]
+
+
 def test_what_a_function_changes_is_its_own():
     """The caller's struct stays as it was: 3 = 1 * 2 + 1 in both calls, and b is 2 behind them."""
     both = Both()
     both.pair.a, both.pair.b, both.count = wp.array([1.0, 2.0], dtype=float, device="cpu"), 2.0, 7
-    out = wp.zeros(2, dtype=float, device="cpu")
+    out, parts = (wp.zeros(2, dtype=float, device="cpu") for _ in range(2))
     kernel_cache.load_kernel_module("compiled_source", kernel_cache.warp_device("cpu"))
-    wp.launch(work, 2, [both], [out], device="cpu")
+    wp.launch(work, 2, [both], [out, parts], device="cpu")
     a = np.array([1.0, 2.0])
     assert out.numpy() == pytest.approx(2.0 * a + 1010.0 * 3.0 * a + 1.0e6 * np.array([2.0, 100.0]) + 2.0, rel=1e-6)
+    assert parts.numpy() == pytest.approx(6.0 + 100.0 * (a + 2.0), rel=1e-6)
+
+
+def test_a_part_that_is_only_read_is_not_copied():
+    text = source.rewrite_functions(generated())
+    assert "wp::copy" not in body_of(text, "read_part") and "wp::copy" in body_of(text, "own_part")
+
+
+def test_elements_of_trees_are_found_without_gaps_and_others_as_warp_does():
+    text = generated()
+    assert "wsim_address" not in source.rewrite_functions(text)
+    trees = source.rewrite_functions(text.replace("Pair_", "struct__Trees_"))
+    assert "wsim_address(" in body_of(trees, "changed") and "wsim_address(" not in body_of(trees, "read")
+    assert trees.index("T* wsim_address(") < trees.index(" changed_0(")
 
 
 def test_what_is_only_read_goes_by_reference_and_nothing_else():
     text = source.rewrite_functions(generated())
-    assert " & var_both" in parameters(text, "read") and " & var_values" in parameters(text, "written")
-    assert " & var_" not in parameters(text, "changed")
-    assert " & var_pair" not in parameters(text, "replaced") and " & var_pair" not in parameters(text, "bumped")
+    assert " & __restrict__ var_both" in parameters(text, "read")
+    assert " & __restrict__ var_values" in parameters(text, "written")
+    assert " & " not in parameters(text, "changed")
+    assert " var_pair" in parameters(text, "replaced") and " & __restrict__ var_pair" not in parameters(text, "replaced")
+    assert " & __restrict__ var_pair" not in parameters(text, "bumped")
 
 
 def test_a_native_function_of_one_line_does_not_hide_the_next():
@@ -124,7 +159,7 @@ def test_a_native_function_of_one_line_does_not_hide_the_next():
     text = generated()
     before = next(head.start() for head in source.HEAD.finditer(text) if head[3] == "read_0")
     native = "static CUDA_CALLABLE void native_0(\n    wp::int32 i)\n{\na.data[i] = 0;}\n\n\n"
-    assert " & var_both" in parameters(source.rewrite_functions(text[:before] + native + text[before:]), "read")
+    assert " & __restrict__ var_both" in parameters(source.rewrite_functions(text[:before] + native + text[before:]), "read")
 
 
 KERNEL = """struct Pair_1

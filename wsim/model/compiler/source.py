@@ -3,6 +3,12 @@
     by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a
                      function only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then
                      costs a call, and no copy. Not where it is given another of that kind to write, which may be the same
+                     Such a reference is `__restrict__`: nothing writes the struct, so that places of its arrays are read once,
+                     not again behind each store
+    parts            A copy of a struct within such a struct, of which fields alone are read, is that struct itself
+    gapless          Functions of a struct in GAPLESS find elements of arrays without their gaps and without counting from the
+                     end, as Warp allows for: 3 instructions in the place of 10. Trees of joints: a frame of a humanoid takes a
+                     CPU 0.73 ms (1.01 before), and a kernel 580 KB of code on a GPU (720 before)
     in place         On a GPU the arguments of a kernel lie in constant memory. A kernel that only reads a struct reads it there
                      (`__grid_constant__`), and the compiler need not remove a copy of it for each call: the substeps of rigid
                      bodies take NVRTC 5.9 CPU-s so, and 14.6 as Warp writes them
@@ -35,6 +41,14 @@ template <int N, typename T> struct wsim_room : wp::array_t<T> {
     CUDA_CALLABLE inline void zero() { for (int i = 0; i < N; ++i) this->data[i] = T(); }
 };
 """
+GAPLESS = re.compile(r"^    \w+__Trees_\w+ ", re.M)
+ELEMENTS = """
+template <typename T> CUDA_CALLABLE inline T* wsim_address(const wp::array_t<T>& a, int i) { return a.data + i; }
+template <typename T> CUDA_CALLABLE inline void wsim_store(const wp::array_t<T>& a, int i, T x) { a.data[i] = x; }
+"""
+PART = re.compile(r"^ +(var_\w+) = &(\(\((var_\w+)\)\.\w+\));\n"
+                  r" +(var_\w+) = wp::load\(\1\);\n +(var_\w+) = wp::copy\(\4\);\n", re.M)
+ONE_INDEX = re.compile(r"\bwp::(address\(var_\w+, -?\w+\);|array_store\(var_\w+, -?\w+, var_\w+\);)")
 WRITTEN = re.compile(r"^    (\w+)\* var_\w+", re.M)
 PARAMETER = re.compile(r"^    (\w+|wp::array_t<[\w:<>, ]+>) (var_\w+)(?=,$|\)$)", re.M)
 KERNEL = re.compile(r'^(extern "C" [^\n]*__global__ void [^\n]*\(\n)((?:    [^\n]*\n)+)\{\n', re.M)
@@ -60,7 +74,8 @@ def rewrite_functions(text: str) -> str:
             continue
         parts += [text[at:head.start()], _rewrite_function(head, text[head.end():end], structs)]
         at = end
-    return "".join([*parts, text[at:]])
+    text = "".join([*parts, text[at:]])
+    return text.replace(header.INCLUDES, header.INCLUDES + ELEMENTS, 1) if "wsim_address(" in text else text
 
 
 def _rewrite_thread_arrays(text: str) -> str:
@@ -83,12 +98,26 @@ def _rewrite_function(head: re.Match, body: str, structs: set[str]) -> str:
     read = only_read(body, {var for of, var in named if of in structs - written or of.startswith("wp::")})
 
     def by_reference(found: re.Match) -> str:
-        return f"    {found[1]} & {found[2]}" if found[2] in read else found[0]
+        return f"    {found[1]} & __restrict__ {found[2]}" if found[2] in read else found[0]
     if kernel:
         body = ARGUMENT.sub(by_reference, body)
     else:
         parameters = PARAMETER.sub(by_reference, parameters)
+    body = _rewrite_parts(body, read)
+    if GAPLESS.search(parameters):
+        body = ONE_INDEX.sub(lambda call: f"wsim_{call[1].removeprefix('array_')}", body)
     return f"static {word}{kind}{name}(\n{parameters}{{\n{body}"
+
+
+def _rewrite_parts(body: str, read: set[str]) -> str:
+    """A body without copies of structs that are parts of those it only reads, of which it only reads fields."""
+    for part, place, whole, _, copy in {found.groups() for found in PART.finditer(body)}:
+        lines = rf"^ +{part} = [^\n]*\n +var_\w+ = wp::load\({part}\);\n +{copy} = [^\n]*\n"
+        without = re.sub(lines, "", re.sub(rf"^ +\w+ {copy};\n", "", body, flags=re.M), flags=re.M)
+        fields = len(re.findall(rf"&\(+{copy}\)\.", without))
+        if whole in read and fields == len(re.findall(rf"\b{copy}\b", without)) and only_read(without, {copy}):
+            body = without.replace(f"({copy}).", f"{place}.")
+    return body
 
 
 def _rewrite_kernel_head(text: str, structs: set[str], head: re.Match) -> str:
