@@ -121,7 +121,8 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
     observations (`wsim.fitting.observations.observe`). Returns a `Fit`, where there are fields a `FieldFit`
     (`wsim.fitting.fields.result`), as in `print(fit(scene, [Track("/flag", [1, 2], seen)], "stretch").text())`.
 
-    observations   Track, Scan, Functional, Pull, Markers objects, or a USD file with sampled points and forces, same paths
+    observations   Track, Scan, Functional, Profile, Pull, Markers objects, or a USD file with sampled points and forces, same
+                   paths
     also           further experiments [(scene, observations)] that share the parameters, or those of `settings.shared`
     start          {name: value}; else the scene's present values
     priors         {name: (mean, sigma)}, the mean in the parameter's unit, sigma in the mapped space

@@ -5,6 +5,7 @@
     Markers  on a rigid body (`wsim.fitting.observations.markers`)
     Smoke    smoke or heat of a fluid (`wsim.fitting.observations.smoke`)
     Functional   weighted sums of positions: means, markers (`wsim.fitting.observations.functional`)
+    Profile  heights along a line (`wsim.fitting.observations.profile`)
     Scan     points on the surface of a body at one frame. Each counts by its distance to the nearest place of the simulated
              surface, along the normal there (Chen, Medioni 1992); of a spring net by the way to the nearest particle
 
@@ -15,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.fitting.observations.functional import Functional
 from wsim.scene import Problem, Scene
 
 NEAR = 24              # triangles by their centres, among which the nearest place is looked for
@@ -216,7 +216,7 @@ def problems_of_observations(observations: list, scene: Scene) -> list[Problem]:
                                     f"{', '.join(t.path for t in things) or 'none'}"))
             continue
         count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(observed_points(thing))
-        texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else \
+        texts = o.wrong(thing) if smoke else o.wrong(count) if hasattr(o, "wrong") else \
             _track_faults(o, count) if isinstance(o, Track) else _scan_faults(o, count)
         problems += [Problem(o.path, text) for text in texts]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
