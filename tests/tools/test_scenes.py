@@ -48,9 +48,11 @@ FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_p
 LIQUID = {"dam_break": ((30, 18, 9), 7776), "floating_boxes": ((30, 18, 10), 8640)}       # cells, particles
 SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3, 642)}     # points, pinned, joints, skinned
 RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96), "rope_bridge": (2, 43)}   # strands, points
+CLUSTERS = {"jelly_clusters_on_cloth": (125, 216, 125)}                # points of each body
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
-every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS])
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS,
+                                               *CLUSTERS])
 
 
 def area(cloth) -> float:
@@ -79,7 +81,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    known = {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS}
+    known = {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS, *CLUSTERS}
     assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == known
 
 

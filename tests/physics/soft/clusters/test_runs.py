@@ -1,6 +1,7 @@
 """Clusters among other things: contacts, plastic flow, shared clusters, the same bits, restarts, worlds."""
 
 from math import inf
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from tests.physics.soft.clusters.lattice import best_rotation, cube_points
 from wsim.physics.soft.clusters import method
 from wsim.scene import Plane, Scene
 from wsim.simulation.simulation import Simulation
+from wsim.usd import load
 
 
 def falling(stiffness: float, **more) -> Scene:
@@ -91,3 +93,31 @@ def test_worlds_are_alike_and_stiffness_is_set_live():
     alone.run(25)
     assert np.array_equal(sim.positions("/c", world=0), alone.positions("/c"))
     assert np.abs(sim.positions("/c", world=1) - sim.positions("/c", world=0)).max() > 1e-3
+
+
+def test_jellies_and_a_die_land_on_a_cloth_that_bears_them():
+    """The scene jelly_clusters_on_cloth: 1.3 kg on a cloth. Nothing passes through, all keep their shape."""
+    scene = load(Path(__file__).resolve().parents[4] / "scenes" / "jelly_clusters_on_cloth.usda")
+    assert not scene.notes and [len(b.points) for b in scene.things("Clusters")] == [125, 216, 125]
+    sim = Simulation(scene, device="cpu")
+    sim.run(24)
+    cloth = sim.positions("/World/Cloth")
+    for body in scene.things("Clusters"):
+        x = sim.positions(body.path)
+        near = cloth[np.argmin(np.linalg.norm(cloth[:, [0, 2]] - x.mean(axis=0)[[0, 2]], axis=1))]
+        assert x[:, 1].min() > near[1] - 0.02 and 0.3 < x[:, 1].mean() < 0.8
+    die, rest = sim.positions("/World/Die").astype(float), scene.things("Clusters")[2].points.astype(float)
+    off = die - die.mean(axis=0) - (rest - rest.mean(axis=0)) @ best_rotation(rest, die).T
+    assert np.abs(off).max() < 1e-3 * np.ptp(rest)
+    assert cloth[:, 1].min() < 0.6                                                  # 0.75 without load
+
+
+def test_a_rigid_cluster_hangs_from_pinned_points():
+    """Nine of its points are pinned: the others stay where they belong."""
+    p = cube_points(3, 0.1)
+    scene = Scene(fps=60, substeps=8, iterations=4, solver="xpbd", air_drag=3.0)
+    body = scene.clusters("/c", p, mass=2.0, stiffness=inf)
+    scene.pin("/pin", body, np.flatnonzero(p[:, 1] > 0.05))
+    sim = Simulation(scene, device="cpu")
+    sim.run(120)
+    assert np.abs(sim.positions("/c") - p).max() < 1e-4

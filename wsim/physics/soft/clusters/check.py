@@ -96,10 +96,10 @@ def _check_members(thing: Clusters) -> Iterator[Problem]:
     if bad.any():
         yield thing_error(path, f"members[{np.argmax(bad)}] is {members[np.argmax(bad)]}", f"0 to {n - 1}", "count from 0")
         return
-    for k, group in enumerate(thing.groups):
-        if len(np.unique(group)) < len(group):
-            yield thing_error(path, f"cluster {k} names a point twice", "each point once", "take it out")
-            return
+    pairs = np.sort(np.repeat(np.arange(len(sizes)), sizes) * np.int64(n) + members)
+    if (pairs[1:] == pairs[:-1]).any():
+        k = int(pairs[1:][pairs[1:] == pairs[:-1]][0] // n)
+        yield thing_error(path, f"cluster {k} names a point twice", "each point once", "take it out")
 
 
 def _check_groups(thing: Clusters) -> Iterator[Problem]:
@@ -117,7 +117,7 @@ def _check_groups(thing: Clusters) -> Iterator[Problem]:
     if spreads and all(s[0] < FLAT * s[2] for s in spreads):
         yield thing_error(path, f"its clusters are flat, and it has a yield_strain of {thing.yield_strain:g}: flat ones do not "
                           "flow", "points in three dimensions, or yield_strain inf", "leave it off, or give it thickness")
-    alone = np.setdiff1d(np.arange(len(rest)), np.concatenate(groups))
+    alone = np.flatnonzero(np.bincount(np.concatenate(groups), minlength=len(rest)) == 0)
     if len(alone):
         yield thing_error(path, f"{len(alone)} of its points are in no cluster, first point {alone[0]}", "each in one or more",
                           "name them in members, or take them out")
