@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.make.tools.scenes import GRAINS
+from tests.make.tools.scenes import CLUSTERS, GRAINS
 from tools.scenes import SCENES
 from tools.scenes.cloth import USED
 from wsim.geometry.tetra.tets import signed_tet_volumes
@@ -48,9 +48,7 @@ FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_p
 LIQUID = {"dam_break": ((30, 18, 9), 7776), "floating_boxes": ((30, 18, 10), 8640)}       # cells, particles
 SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3, 642)}     # points, pinned, joints, skinned
 RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96), "rope_bridge": (2, 43)}   # strands, points
-CLUSTERS = {"jelly_clusters_on_cloth": (125, 216, 125)}                # points of each body
-scenes = pytest.mark.parametrize("name", CONTENT)
-soft_scenes = pytest.mark.parametrize("name", SOFT)
+scenes, soft_scenes = (pytest.mark.parametrize("name", each) for each in (CONTENT, SOFT))
 every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS,
                                                *CLUSTERS])
 

@@ -32,7 +32,7 @@ class ConstraintTable:
         self.model, self.kind, self.rows, self.row = model, kind, rows, kind_row(kind)
         self.order: Any = slice(None) if order is None else order
         ids = np.concatenate([r.ids for r in rows]).astype(np.int32)[self.order]
-        self.ids, t = model.shared(ids) if order is None else ids, types(model.real)
+        self.ids, t = model.shared(ids), types(model.real)
         self.size = len(ids)
         self.lengths: wp.array | None = None          # rest values before muscles or curvatures change them
         self.curvature: Any = None                    # of hinges

@@ -22,8 +22,8 @@ def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     other = yield from find_point_object(path, "tie", "ties", thing.other, scene)
     if body is None or other is None:
         return
-    if not other.is_solid or body is other:
-        yield thing_error(path, f"it ties {thing.body} to {thing.other}", "a body and another that is soft",
+    if not (other.is_solid or other.is_cluster) or body is other:
+        yield thing_error(path, f"it ties {thing.body} to {thing.other}", "a body and another that is soft, or of clusters",
                            "name the soft body second")
         return
     if len(thing.points) != len(thing.others) or not len(thing.points):
@@ -36,6 +36,9 @@ def check_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
             yield thing_error(path, f"it names point {points[np.argmax(bad)]} of {b.path}", f"0 to {len(b.points) - 1}",
                                "count from 0, in the order of the mesh's points")
             return
+    held = np.concatenate([t.others for t in scene.ties if t.other == thing.other and t.others is not None])
+    if other.is_cluster and len(np.unique(held)) < len(held):
+        yield thing_error(path, f"two points are tied to one point of {thing.other}", "one", "tie them to points side by side")
     twice = np.flatnonzero(np.bincount(thing.points) > 1)
     if len(twice):
         yield thing_error(path, f"point {twice[0]} of {thing.body} has more than one partner", "one", "name each point once")

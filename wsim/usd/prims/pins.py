@@ -253,9 +253,10 @@ def load_tie(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObjec
             reading.warn(path, f"attaches {source or 'nothing'}, which is no simulated cloth or soft body; it is left out")
             return None
     (mine, points), (other, others) = [(cast(PointObject, body), rows) for body, rows in found]
-    if not other.is_solid:
+    soft = other.is_solid or other.is_cluster and not mine.is_solid
+    if not soft:
         (mine, points), (other, others) = (other, others), (mine, points)
-    if not (other.is_solid and mine.has_surface):
+    if not ((other.is_solid and mine.has_surface) or other.is_cluster):
         reading.warn(path, f"attaches points of {ends[0][0]} to points of {ends[1][0]} and is left out: a cloth or a soft body "
                      "shares points with a soft body")
         return None

@@ -29,7 +29,7 @@ VECTORS = {"pair": wp.vec2i, "entry": wp.vec2i, "block": wp.vec3i, "about": wp.v
 def wants_schwarz(model: Model, h: float) -> tuple[bool, str]:
     """True if a step of h [s] makes a sheet stiff and large enough, and what the plan says of it."""
     least = PAYS["cuda" if model.device.is_cuda else "cpu"]
-    found = max(((stretch_wave_edges(b, h), b.count) for b in model.bodies if len(b.triangles) and not len(b.tets)),
+    found = max(((stretch_wave_edges(b, h), b.count) for b in model.bodies if b.source.is_sheet),
                 default=(0.0, 0))
     if not found[1]:
         return False, ""
