@@ -12,8 +12,10 @@ from wsim.physics.rigid.solids import (
     bodies_touch_points,
     contact_shape_of,
     has_soft_contacts,
+    scene_contact_colliders,
 )
 from wsim.physics.rigid.solids.faults import check_concave_mesh
+from wsim.physics.rigid.solids.softness import check_softness
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
 from wsim.scene.check.objects import check_rigid_motion, object_warning, thing_error
@@ -107,10 +109,10 @@ def _check_soft_contact_options(body: Body, scene: Scene) -> Iterator[Problem]:
         yield object_warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where "
                              "bodies touch cloth, springs, soft bodies or rods", "0",
                              "leave it out, and give iterations")
-    bouncing = [c for c in body.colliders if c.restitution > 0.0]
-    if bouncing and has_soft_contacts(scene):
-        yield object_warning(bouncing[0].path, f"has restitution {bouncing[0].restitution:g}; contact_model mujoco "
-                             "has none", "0", "give solref a damping ratio below 1: such a contact throws back")
+    if has_soft_contacts(scene):
+        others = scene_contact_colliders(scene.colliders) if body is scene.things("Body")[0] else []
+        for collider in (*body.colliders, *others):
+            yield from check_softness(collider)
 
 
 def _check_mesh_approximations(body: Body, scene: Scene) -> Iterator[Problem]:

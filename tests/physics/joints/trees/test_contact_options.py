@@ -100,6 +100,18 @@ def test_a_soft_model_that_a_scene_cannot_have_is_refused():
         wsim.Simulation(scene, device="cpu")
 
 
+@pytest.mark.parametrize("values, said", [({"solref": (0.0, 1.0)}, r"/floor: solref is \(0.0, 1.0\)"),
+                                          ({"solref": (0.02,)}, "/floor: solref is"),
+                                          ({"solimp": (0.9, float("nan"), 0.001, 0.5, 2.0)}, "/floor: solimp is"),
+                                          ({"solimp": (0.9, 0.95)}, "/floor: solimp is")])
+def test_softness_that_cannot_be_is_refused(values, said):
+    scene = soft_box(Sphere(0.1))
+    for name, value in values.items():
+        setattr(scene.colliders[0], name, value)
+    with pytest.raises(wsim.SceneError, match=said):
+        wsim.Simulation(scene, device="cpu")
+
+
 def test_a_tree_keeps_its_contacts_residual_warning_for_maximal_coordinates():
     scene = arm_and_ball(contact_tolerance=1e-9, coordinates="maximal")
     simulation = wsim.Simulation(scene, device="cpu")
