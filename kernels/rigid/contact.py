@@ -82,7 +82,7 @@ def rigid_contact_structs(real):
     @wp.struct
     class SubstepWork:
         """Of a substep: frames of all bodies (bodies + colliders,), and points."""
-        g: real                                # [m/s^2], of the weight
+        g: wp.array(dtype=real)                # [m/s^2], of the weight, (worlds,)
         center: wp.array(dtype=wp.vec3d)       # of shapes, world
         span: wp.array(dtype=t.vec2)           # of shapes: radius of the ball, < 0 without end; how far it may go
         from_x: wp.array(dtype=t.vec3)         # where bodies were when pairs were listed
@@ -90,7 +90,7 @@ def rigid_contact_structs(real):
         way: wp.array(dtype=real)              # of bodies [m]: how far a shape may go before the list is no longer whole
         slack: wp.array(dtype=real)            # of bodies [m]: part of it that does not depend on the speed
         arm: wp.array(dtype=real)              # of bodies [m]: from the centre of mass to the farthest end of a shape
-        strayed: wp.array(dtype=int)           # (1,): 1 once a body has gone, or will go, farther than its way
+        strayed: wp.array(dtype=int)           # (1 + worlds,): 1 once a body of any has gone, or will go, beyond its way
         spread: wp.array(dtype=t.mat33)        # I^-1, world
         turn: wp.array(dtype=t.mat33)          # R
         p0: wp.array(dtype=t.vec3)             # momenta before the substep's forces
@@ -102,7 +102,7 @@ def rigid_contact_structs(real):
         order: wp.array(dtype=int)             # manifolds by colour
         starts: wp.array(dtype=int)            # of colours in `order`, and the end
         colours: wp.array(dtype=int)           # (1,): how many
-        flags: wp.array(dtype=int)             # (2,): what one thread says to all
+        flags: wp.array(dtype=int)             # (2 + 2 worlds,): what one thread says to all, see kernels/rigid/impact.py
         node: wp.array(dtype=int)              # of bodies: the body whose colours it shares, which joins all of its tree
         taken: wp.array(dtype=wp.int64)        # of bodies: colours of their manifolds, a bit each
         place: wp.array(dtype=int)             # of colours: where the next manifold goes

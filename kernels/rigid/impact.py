@@ -33,11 +33,13 @@ def impact_func(kind: ConstraintKind, meet, real, met: float = MET, rounds: int 
     mark, strike = impact_mark_functions(real, met, timed)
     after = by_colour(kind, impact_time_shift_func(real), meet, real)
     look, sweep = at_once_func(kind, mark, real), by_colour(kind, strike, meet, real)
-    Rig, told = rig_type(real), flag_reading_func(meet, real)
+    Rig, told, end_turn = rig_type(real), flag_reading_func(meet, real), world_turn_func(meet, real)
 
     @wp.func
     def resolve_impacts(i: int, threads: int, k: int, h: real, rig: Rig):
         for _round in range(int(rounds)):
+            if _round > 0:
+                end_turn(i, threads, rig)
             look(i, threads, k, h, 0, rig)
             if told(0, i, rig) == 0:
                 break
@@ -45,6 +47,7 @@ def impact_func(kind: ConstraintKind, meet, real, met: float = MET, rounds: int 
                 sweep(i, threads, k, h, 0, rig)
                 if told(1, i, rig) == 0:
                     break
+                end_turn(i, threads, rig)
             if timed:
                 after(i, threads, k, h, 0, rig)
 
@@ -66,6 +69,23 @@ def flag_reading_func(meet, real):
         return said
 
     return flag_was_raised
+
+
+def world_turn_func(meet, real):
+    """Function (i, threads, rig): behind a sweep, or all of them: worlds go on in which a contact missed its goal, as alone.
+    flags (2 + 2 worlds,): what is told to all, then of each world whether it goes on, then whether it missed."""
+    Rig = rig_type(real)
+
+    @wp.func
+    def end_world_turn(i: int, threads: int, rig: Rig):
+        worlds = (rig.work.flags.shape[0] - 2) // 2
+        if worlds > 1:
+            for w in range(i, worlds, threads):
+                rig.work.flags[2 + w] = rig.work.flags[2 + worlds + w]
+                rig.work.flags[2 + worlds + w] = 0
+            meet()
+
+    return end_world_turn
 
 
 @cache
@@ -138,10 +158,14 @@ def impact_mark_functions(real, met: float = MET, timed: bool = False):
     def flag_marked_impact(m: int, k: int, h: real, biased: int, rig: Rig):
         if mark_impact_points(m, k, h, rig):
             rig.work.flags[0] = 1
+            rig.work.flags[2 + rig.s.world[rig.c.a[m]]] = 1
 
     @wp.func
     def flag_missed_impact(m: int, k: int, h: real, biased: int, rig: Rig):
-        if sweep_manifold_impact(m, k, rig) >= real(met):
-            rig.work.flags[1] = 1
+        w = rig.s.world[rig.c.a[m]]
+        if rig.work.flags[2 + w] == 1:
+            if sweep_manifold_impact(m, k, rig) >= real(met):
+                rig.work.flags[1] = 1
+                rig.work.flags[2 + (rig.work.flags.shape[0] - 2) // 2 + w] = 1
 
     return flag_marked_impact, flag_missed_impact

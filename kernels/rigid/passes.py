@@ -15,18 +15,18 @@ import warp as wp
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.impact import impact_func
 from wsim.kernels.rigid.kinds import ConstraintKind, acts_of_kind, at_once_func, by_colour, first_of_thread, walk_in_turn_func
-from wsim.kernels.rigid.lists.pairs import body_straying_func
+from wsim.kernels.rigid.lists.worlds import body_straying_func, straying_reset_func
 from wsim.kernels.rigid.soft_step import body_steps
 
 
 def over_bodies(real):
     """(begun, placed, ended): functions of the bodies, what precedes the constraints' sweeps and what follows them."""
     Rig, (oriented, turned, forces, place), stray = rig_type(real), body_steps(real), body_straying_func(real)
+    clear = straying_reset_func(real)
 
     @wp.func
     def begin_body_substep(i: int, threads: int, h: real, rig: Rig):
-        if i == 0:
-            rig.work.strayed[0] = 0
+        clear(i, threads, rig)
         for b in range(first_of_thread(i, threads), rig.b.w.shape[0], threads):
             forces(b, h, rig)
 

@@ -58,7 +58,7 @@ def contact_goal_functions(real):
         b = rig.s.ball[rig.c.b[m]]
         if L < real(0.0) or (b >= real(0.0) and b < L):
             L = b
-        return wp.sqrt(real(2.0) * rig.work.g * L)
+        return wp.sqrt(real(2.0) * rig.work.g[rig.s.world[rig.c.a[m]]] * L)
 
     @wp.func
     def soft_contact_goal(gap: real, push: real, h: real, most: real, biased: int):

@@ -9,7 +9,7 @@ from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import joint_step_functions
 from wsim.kernels.rigid.kinds import first_of_thread
-from wsim.kernels.rigid.lists.pairs import body_straying_func
+from wsim.kernels.rigid.lists.worlds import body_straying_func, straying_reset_func
 from wsim.kernels.rigid.motion import double_vec3, kick_momentum
 from wsim.kernels.rigid.passes import constraint_walks, over_bodies
 from wsim.kernels.rigid.soft_step import body_steps
@@ -20,13 +20,12 @@ MODULES = "joint_places", "joint_impulses", "joint_relaxation"       # names of 
 def linked_body_passes(real):
     """(begun, placed, ended) as `over_bodies`; bodies of joints are placed by what joints expect."""
     Rig, (_, _, forces, place), (_, placed, _) = rig_type(real), body_steps(real), over_bodies(real)
-    linked, stray = joint_step_functions(real).place, body_straying_func(real)
+    linked, stray, clear = joint_step_functions(real).place, body_straying_func(real), straying_reset_func(real)
 
     @wp.func(inline=False)
     def begin_linked_bodies(i: int, threads: int, h: real, rig: Rig, J: Linked):
         half = real(0.5) * h
-        if i == 0:
-            rig.work.strayed[0] = 0
+        clear(i, threads, rig)
         for b in range(first_of_thread(i, threads), rig.b.w.shape[0], threads):
             p = rig.now.p[b]
             L = rig.now.L[b]

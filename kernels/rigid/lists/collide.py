@@ -1,27 +1,28 @@
 """Manifolds of a list of pairs, with the impulses that the same features had before.
 
 A thread has a pair. Its manifold is computed from the poses of both shapes, from the place of A's body; points become cores in
-the frames of the bodies, and are given what they had before (rows.py beside this). All are made when the list is new; later
-those that need it, for the poses at the time of impact where bodies are fast (renewal.py). Pairs with a mesh are left to
-collide_mesh.py.
+the frames of the bodies, and are given what they had before (rows.py beside this). All of a world are made when its list is
+new, while those of other worlds move (worlds.py). Later those are made that need it, for the poses at the time of impact where
+bodies are fast (renewal.py). Pairs with a mesh are left to collide_mesh.py.
 """
 
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.contact import rig_type, rigid_contact_structs
 from wsim.kernels.rigid.impulse import impulse_formulas
 from wsim.kernels.rigid.lists.core import HIT, core_stop_funcs
 from wsim.kernels.rigid.lists.manifold import manifold_type
 from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, manifold_need_func, twist_functions
 from wsim.kernels.rigid.lists.rows import keep_row_func, last_list_type, posed_pair_type, row_writing_funcs
+from wsim.kernels.rigid.lists.worlds import listed_anew_func, row_move_func
 from wsim.kernels.rigid.narrow.pair import narrow_phase_func
 from wsim.kernels.rigid.narrow.shape import MESH, hull_type
 
 
 def pair_manifold_kernel(pairs, real, module):
     """Kernel over the pairs of a list; pairs: of kinds of shapes (`wsim.kernels.rigid.narrow.pair.pairs_of_kinds`). h [s]: of a
-    substep, 0: manifolds are those of now, whatever the speed."""
+    substep, 0: manifolds are those of now, whatever the speed. aside: the list before, where only some worlds are listed."""
     t = types(real)
     Rig, Manifold = rig_type(real), manifold_type(real)
     Last, Hulls = last_list_type(real), hull_type(real)
@@ -29,7 +30,8 @@ def pair_manifold_kernel(pairs, real, module):
     known, point, poses, keep = write.known, write.point, write.poses, keep_row_func(real)
     needed, of, prepare = manifold_need_func(real), twist_functions(real), impulse_formulas(real)[1]
     Twist, twist, advanced, hurried, closing = of.Twist, of.twist, of.advanced, of.hurried, of.closing
-    margin, size = of.margin, of.size
+    margin, size, (anew, move) = of.margin, of.size, (listed_anew_func(real), row_move_func(real))
+    Table = rigid_contact_structs(real)[2]
     reached, alone, stopped = core_stop_funcs(real)
 
     @wp.func
@@ -119,7 +121,7 @@ def pair_manifold_kernel(pairs, real, module):
             point(m, i, mm.x[i] + wp.transform_get_translation(p.pose_a), mm.gap[i], row, p, last, rig)
         prepare(m, k, rig)
 
-    def rigid_collide(rig: Rig, H: Hulls, k: int, h: real, last: Last):
+    def rigid_collide(rig: Rig, H: Hulls, k: int, h: real, last: Last, aside: Table):
         m = wp.tid()
         a = rig.c.a[m]
         whole_list = rig.work.strayed[0]
@@ -127,7 +129,11 @@ def pair_manifold_kernel(pairs, real, module):
         if a < 0:
             rig.c.count[m] = 0
         elif rig.s.kind[rig.c.b[m]] != MESH and rig.s.kind[a] != MESH:
-            make = whole_list == 1
+            make = bool(False)
+            if whole_list == 1:
+                make = anew(a, rig)
+                if not make:
+                    move(m, known(m, last, rig), aside, k, rig)
             if not make and rig.c.count[m] >= 0:
                 make = needed(m, k, rig)
             if make:

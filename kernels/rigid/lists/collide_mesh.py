@@ -9,7 +9,7 @@ import warp as wp
 from wsim.kernels.contact.collider.shape import PLANE, SPHERE
 from wsim.kernels.math.block import warp_barrier
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.contact import rig_type, rigid_contact_structs
 from wsim.kernels.rigid.impulse import impulse_formulas
 from wsim.kernels.rigid.lists.core import cores_on_meshes
 from wsim.kernels.rigid.lists.mesh_pair_walk import mesh_pair_walk_func
@@ -18,6 +18,7 @@ from wsim.kernels.rigid.lists.mesh_walk import flipped_walk_func, mesh_walk_func
 from wsim.kernels.rigid.lists.pairs import ROWS
 from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, manifold_need_func, twist_functions
 from wsim.kernels.rigid.lists.rows import keep_row_func, last_list_type, posed_pair_type, row_writing_funcs
+from wsim.kernels.rigid.lists.worlds import listed_anew_func, row_move_func
 from wsim.kernels.rigid.narrow.mesh import mesh_type
 from wsim.kernels.rigid.narrow.shape import MESH, hull_type
 
@@ -57,6 +58,7 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1, of_bodies:
     known, point, poses, keep, approaching = write.known, write.point, write.poses, keep_row_func(real), approach_func(real)
     needed, of, prepare = manifold_need_func(real), twist_functions(real), impulse_formulas(real)[1]
     block, twist, advanced, hurried, margin, size = cores_on_meshes(real), of.twist, of.advanced, of.hurried, of.margin, of.size
+    Table, anew, move = rigid_contact_structs(real)[2], listed_anew_func(real), row_move_func(real)
 
     @wp.func
     def first_of_its_pair(m: int, rig: Rig):
@@ -99,14 +101,24 @@ def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1, of_bodies:
                 point(m + r, i, wp.quat_rotate(q, rig.c.first_a[j]) + o, rig.c.gap[j], row, p, last, rig)
             prepare(m + r, k, rig)
 
-    def rigid_collide_mesh(rig: Rig, H: Hulls, S: Surfaces, k: int, h: real, last: Last):
+    @wp.func(inline=False)
+    def move_mesh_rows(m: int, lane: int, row: int, aside: Table, k: int, rig: Rig):
+        for r in range(lane, ROWS, lanes):
+            move(m + r, row + r, aside, k, rig)
+        warp_barrier()
+
+    def rigid_collide_mesh(rig: Rig, H: Hulls, S: Surfaces, k: int, h: real, last: Last, aside: Table):
         m = wp.tid() // lanes
         lane = wp.tid() % lanes
         a = rig.c.a[m]
         if a >= 0 and m + ROWS <= rig.c.a.shape[0]:
             if first_of_its_pair(m, rig):
                 whole_list = rig.work.strayed[0]
-                make = whole_list == 1
+                make = bool(False)
+                if whole_list == 1:
+                    make = anew(a, rig)
+                    if not make:
+                        move_mesh_rows(m, lane, known(m, last, rig), aside, k, rig)
                 if not make and mesh_rows_awake(m, rig):
                     make = needed(m, k, rig)
                 if make:

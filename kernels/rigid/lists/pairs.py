@@ -8,8 +8,8 @@ and boxes about them that overlap, which Warp's trees find: one of the shapes of
 built once if they stand. A thread takes shape i of a body and counts, then, behind a scan, writes its partners and sorts them:
 the list is sorted, and the same from run to run. Worlds lie in each other: each is a group of the tree. Where a world has few
 shapes, a table of pairs takes the place of trees (world_pairs.py). What has no end (planes) is no leaf; all try it, by the
-height above it. A body that goes farther than its way, after a blow, says so (`body_straying_func`): then the list is made anew
-before its time.
+height above it. A body that goes farther than its way, after a blow, says so (`body_straying_func`): then the list of its world
+is made anew before its time, and other worlds keep their pairs (worlds.py beside this).
 Places are float64 sums of the bodies' origins and displacements; boxes are float32, from the first origin, and widened by what
 that rounds.
 """
@@ -21,7 +21,8 @@ import warp as wp
 from wsim.kernels.contact.collider.shape import BOX
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import rotation_to_matrix
-from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.contact import rig_type, rigid_contact_structs
+from wsim.kernels.rigid.lists.worlds import kept_pairs_func
 from wsim.kernels.rigid.narrow.shape import MESH
 
 ROWS = wp.constant(8)              # of a pair with a mesh: manifolds, as many normals
@@ -98,6 +99,8 @@ def shape_reach_kernel(real, module, filtered: bool = False):
         x = t.vec3()
         q = t.quat()
         way = real(0.0)
+        if f < n and rig.work.strayed[1 + wp.max(rig.s.world[i], 0)] == 0:
+            return                                      # of a world whose list stays
         if f < n:
             x = rig.now.x[f]
             q = rig.now.q[f]
@@ -136,27 +139,6 @@ def shape_reach_kernel(real, module, filtered: bool = False):
         tree.high[i] = at + wide
 
     return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
-
-
-@cache
-def body_straying_func(real):
-    """Function (i, h, rig): says whether body i, where it is, or is after another substep of h [s], is beyond its way."""
-    Rig = rig_type(real)
-
-    @wp.func
-    def mark_strayed_body(i: int, h: real, rig: Rig):
-        if rig.work.asleep[i] == 0 and rig.work.way.shape[0] > 0:
-            q = rig.now.q[i]
-            d = q - rig.work.from_q[i]
-            if wp.dot(q, rig.work.from_q[i]) < real(0.0):
-                d = q + rig.work.from_q[i]
-            spin = wp.length(wp.cw_mul(rig.b.inverse[i], wp.quat_rotate_inv(q, rig.now.L[i])))
-            goes = wp.length(rig.now.x[i] - rig.work.from_x[i]) + real(2.0) * wp.length(d) * rig.work.arm[i]
-            goes += h * (rig.b.w[i] * (wp.length(rig.now.p[i]) + h * wp.length(rig.b.push[i])) + spin * rig.work.arm[i])
-            if goes > rig.work.way[i]:
-                rig.work.strayed[0] = 1
-
-    return mark_strayed_body
 
 
 def prefix_sum_kernel(module):
@@ -239,8 +221,10 @@ def pair_row_functions(real, filtered: bool = False):
 
 def pair_list_kernel(real, module, filtered: bool = False):
     """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room.
-    filtered: less those that do not touch."""
+    filtered: less those that do not touch. aside: the list before, whose pairs worlds keep that are not listed; first: of this
+    list, and of that one."""
     Rig, Tree, (append_rows, end_rows) = rig_type(real), shape_tree_type(filtered), pair_row_functions(real, filtered)
+    Table, keep = rigid_contact_structs(real)[2], kept_pairs_func(real)
 
     @wp.func
     def sort_partners(first: int, last: int, b: wp.array(dtype=int)):
@@ -253,13 +237,9 @@ def pair_list_kernel(real, module, filtered: bool = False):
                 e -= 1
             b[e] = j
 
-    def rigid_pairs(rig: Rig, tree: Tree, first: wp.array(dtype=int), write: int, count: wp.array(dtype=int),
-                    wanted: wp.array(dtype=int)):
-        i = wp.tid()
+    @wp.func
+    def list_partners(i: int, at: int, shapes: int, write: int, tree: Tree, rig: Rig):
         found = int(0)
-        at = int(0)
-        if write == 1 and i > 0:
-            at = first[i - 1]
         for e in range(tree.endless.shape[0]):
             found += append_rows(i, tree.endless[e], at + found, write, tree, rig)
         ids = int(2)
@@ -274,13 +254,26 @@ def pair_list_kernel(real, module, filtered: bool = False):
                 query = wp.bvh_query_aabb(id, tree.low[i], tree.high[i], root)
                 e = int(0)
                 while wp.bvh_query_next(query, e):
-                    j = e + which * first.shape[0]
+                    j = e + which * shapes
                     if rig.work.span[j][0] >= real(0.0):
                         found += append_rows(i, j, at + found, write, tree, rig)
+        return found
+
+    def rigid_pairs(rig: Rig, tree: Tree, aside: Table, first: wp.array2d(dtype=int), write: int, count: wp.array(dtype=int),
+                    wanted: wp.array(dtype=int)):
+        i = wp.tid()
+        found = int(0)
+        at = int(0)
+        if write == 1 and i > 0:
+            at = first[0, i - 1]
+        if rig.work.strayed[1 + rig.s.world[i]] == 1:
+            found = list_partners(i, at, first.shape[1], write, tree, rig)
+        else:
+            found = keep(i, at, write, count[i], aside, first[1], rig)
         if write == 0:
             count[i] = found
         else:
             sort_partners(at, wp.min(at + found, rig.c.a.shape[0]), rig.c.b)
-            end_rows(i, first, rig, wanted)
+            end_rows(i, first[0], rig, wanted)
 
     return wp.kernel(rigid_pairs, name="rigid_pairs", module=module, enable_backward=False)

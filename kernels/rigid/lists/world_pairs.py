@@ -7,8 +7,9 @@ of 1024 worlds, which all stand in one place, took 60 of 180 ms of a frame on an
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.contact import rig_type, rigid_contact_structs
 from wsim.kernels.rigid.lists.pairs import pair_row_functions, shape_tree_type
+from wsim.kernels.rigid.lists.worlds import kept_pairs_func
 
 
 @wp.struct
@@ -20,8 +21,10 @@ class WorldPairs:
 
 
 def world_pair_kernel(real, module):
-    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room."""
+    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room. aside,
+    first: as in pairs.py."""
     Rig, Tree, (append_rows, end_rows) = rig_type(real), shape_tree_type(False), pair_row_functions(real, False)
+    Table, keep = rigid_contact_structs(real)[2], kept_pairs_func(real)
 
     @wp.func
     def boxes_overlap(i: int, j: int, tree: Tree):
@@ -31,24 +34,33 @@ def world_pair_kernel(real, module):
                 found = False
         return found
 
-    def rigid_world_pairs(rig: Rig, tree: Tree, near: WorldPairs, first: wp.array(dtype=int), write: int,
-                          count: wp.array(dtype=int), wanted: wp.array(dtype=int)):
-        i = wp.tid()
+    @wp.func
+    def list_partners_of_world(i: int, at: int, every: int, write: int, near: WorldPairs, tree: Tree, rig: Rig):
         shapes = near.first.shape[0] - 1
         own = i % shapes
         found = int(0)
-        at = int(0)
-        if write == 1 and i > 0:
-            at = first[i - 1]
         for e in range(near.first[own], near.first[own + 1]):
             j = near.other[e] + i - own
             if near.other[e] >= shapes:
-                j = near.other[e] + first.shape[0] - shapes
+                j = near.other[e] + every - shapes
             if rig.work.span[j][0] < real(0.0) or boxes_overlap(i, j, tree):
                 found += append_rows(i, j, at + found, write, tree, rig)
+        return found
+
+    def rigid_world_pairs(rig: Rig, tree: Tree, near: WorldPairs, aside: Table, first: wp.array2d(dtype=int), write: int,
+                          count: wp.array(dtype=int), wanted: wp.array(dtype=int)):
+        i = wp.tid()
+        found = int(0)
+        at = int(0)
+        if write == 1 and i > 0:
+            at = first[0, i - 1]
+        if rig.work.strayed[1 + rig.s.world[i]] == 1:
+            found = list_partners_of_world(i, at, first.shape[1], write, near, tree, rig)
+        else:
+            found = keep(i, at, write, count[i], aside, first[1], rig)
         if write == 0:
             count[i] = found
         else:
-            end_rows(i, first, rig, wanted)
+            end_rows(i, first[0], rig, wanted)
 
     return wp.kernel(rigid_world_pairs, name="rigid_world_pairs", module=module, enable_backward=False)

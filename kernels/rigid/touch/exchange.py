@@ -44,7 +44,8 @@ def star_energy_funcs(real):
 
     @wp.func
     def weight_energy_scale(rig: Rig, i: int, h: real):
-        return wp.float64(rig.work.g * h) * wp.float64(rig.work.g * h) / wp.float64(rig.b.w[i])
+        g = rig.work.g[i * rig.work.g.shape[0] // rig.b.w.shape[0]]
+        return wp.float64(g * h) * wp.float64(g * h) / wp.float64(rig.b.w[i])
 
     return doubled_kinetic_energy, weight_energy_scale
 

@@ -23,7 +23,7 @@ from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid import forms, meetings, surfaces
-from wsim.physics.rigid.contacts.pair_list import PairList
+from wsim.physics.rigid.contacts.pair_list import PairList, manifold_table
 from wsim.physics.rigid.solids import body_contact_parts, contact_shape_of, scene_contact_colliders
 from wsim.scene import Collider, Sphere
 
@@ -126,13 +126,9 @@ class RigidContactTables:
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=self.device)
         self.room = room
-        self.list = fill_struct(self.Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
-                                gap=zeros(4 * room, real), push=zeros(4 * room, real), rim=zeros(4 * room, t.vec2),
-                                **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
-                                **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
-                                **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
-                                **{name: zeros(4 * room, t.vec3)
-                                   for name in ("core_a", "core_b", "first_a", "first_b", "rub", "drift")})
+        self.list = self.aside = manifold_table(self.Contacts, room, real, self.device)
+        if self.model.worlds > 1:
+            self.aside = manifold_table(self.Contacts, room, real, self.device)
         self.work = fill_struct(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
                                 **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
                                 **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},
@@ -142,10 +138,15 @@ class RigidContactTables:
                                 A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
                                 node=self.model.upload((joints.colour_nodes if joints else np.int32)(np.arange(n)), int),
                                 **(joints.contact_arrays(room) if joints else {}),
-                                colours=zeros(1, int), flags=zeros(2, int), residual=zeros(2, real),
-                                g=float(np.linalg.norm(self.model.scene.gravity)) or WEIGHT)
+                                colours=zeros(1, int), flags=zeros(2 + 2 * self.model.worlds, int), residual=zeros(2, real),
+                                g=self.model.upload(self.fall_accelerations(), real))
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
             setattr(self.work, name, array)
+
+    def fall_accelerations(self) -> np.ndarray:
+        """Size of gravity in each world, (worlds,) [m/s^2]."""
+        found = np.linalg.norm(self.method.gravity, axis=1)
+        return np.where(found > 0.0, found, WEIGHT).astype(self.model.dtype)
 
     def _clear_pair_rows(self, first: int) -> None:
         """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
@@ -153,7 +154,7 @@ class RigidContactTables:
             array[first:self.parts[0].capacity].fill_(-1)
         body, world = self.method.bodies[0]
         for part in self.parts:
-            part.rows = {(body.written, world): np.arange(part.capacity)}
+            part.rows, part.common = {(body.written, world): np.arange(part.capacity)}, True
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""
@@ -229,23 +230,25 @@ class RigidContactTables:
         """Manifolds of substep k, with their colours: those that are stale, all where pairs are listed."""
         launch, rig, ends, sleep = self.model.launch, self.rig(), self.ends(clock), self.method.sleep
         listing = k in ends[:-1]                     # else where a body has gone farther than was foreseen
-        time = clock.h * (ends[ends.index(k) + 1] - k) if listing else clock.dt / (len(ends) - 1)
+        i = max(i for i, end in enumerate(ends[:-1]) if end <= k)
+        time = clock.h * (ends[i + 1] - ends[i])     # of colliders the same in a list made anew, which worlds share
         before, h = fill_struct(rows.last_list_type(self.real), **self.arrays()), 0.0 if self.exact else clock.h
+        made = k, h, before, self.aside
         if listing:
             if k > 0:
                 self.keep()
             self.broad.list_near_pairs(k, time, self.status.word(WORD))
         else:
-            wp.capture_if(self.work.strayed, self.list_anew, k=k, time=time)
-        launch(self.collide, self.room, [rig, self.hulls, k, h, before], [])
+            wp.capture_if(self.broad.stray, self.list_anew, k=k, time=time)
+        launch(self.collide, self.room, [rig, self.hulls, *made], [])
         if self.on_meshes:
-            launch(self.on_meshes, self.room * self.lanes, [rig, self.hulls, self.surfaces, k, h, before], [])
+            launch(self.on_meshes, self.room * self.lanes, [rig, self.hulls, self.surfaces, *made], [])
         for kernel in self.flush:
             launch(kernel, self.room, [rig, self.hulls, k] if kernel is self.flush[0] else [rig], [])
         if sleep and listing:
             sleep.settle(k, time, rig)
         elif sleep:
-            wp.capture_if(self.work.strayed, sleep.settle, k=k, time=0.0, rig=rig)
+            wp.capture_if(self.broad.stray, sleep.settle, k=k, time=0.0, rig=rig)
         self.form.colour(rig, self.status.word(IN_TURN))
 
     def list_anew(self, k: int, time: float) -> None:
@@ -257,15 +260,11 @@ class RigidContactTables:
         return fill_struct(contact.rig_type(self.real), s=self.table, b=self.method.table, now=self.method.moving(),
                            still=self.still, c=self.list, work=self.work)
 
-    def overlap(self) -> float:
-        """Depth to which the points of manifolds lie in each other now, at most [m]."""
-        used = np.arange(4) < self.list.count.numpy()[:, None]
-        return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
-
     def indicators(self) -> dict[str, float]:
         """Depth to which shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
         asleep, and manifolds that found no colour, if any."""
-        found = {"rigid_overlap": self.overlap()}
+        from wsim.physics.rigid.contacts.measure import contact_overlap
+        found = {"rigid_overlap": contact_overlap(self)}
         if self.form.tolerance > 0.0 and self.method.touch is None:
             found["rigid_residual"] = float(self.work.residual.numpy()[1])
         if self.method.sleep:

@@ -1,4 +1,4 @@
-"""Broad phase: the list of pairs of shapes that may meet (kernels/rigid/lists/pairs.py)."""
+"""Broad phase: the list of pairs of shapes that may meet (kernels/rigid/lists/pairs.py), and the table of their manifolds."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists import pairs, world_pairs
+from wsim.kernels.rigid.lists.worlds import set_aside_kernel
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.meetings import FEW
@@ -14,12 +15,27 @@ from wsim.physics.rigid.meetings import FEW
 SUMMING = {True: 1024, False: 1}                 # threads that sum counts within a graph: CUDA, CPU
 
 
+def manifold_table(Contacts, room: int, real, device) -> Any:
+    """Zeros for so many manifolds."""
+    t = types(real)
+
+    def zeros(length, dtype):
+        return wp.zeros(length, dtype=dtype, device=device)
+    return fill_struct(Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
+                       gap=zeros(4 * room, real), push=zeros(4 * room, real), rim=zeros(4 * room, t.vec2),
+                       **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
+                       **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
+                       **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
+                       **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b", "rub", "drift")})
+
+
 class PairList:
     """Bounds of shapes, of bodies and of colliders, and the launches that list pairs: by trees, or by a table of a world's
     pairs (near), where its shapes are few.
 
-    contacts: `wsim.physics.rigid.contacts.RigidContactTables`, whose tables of shapes are there. first (shapes of bodies,):
-    number of pairs up to each shape. arrays: what kernels note of shapes and bodies, for `Work` of kernels/rigid/contact.py."""
+    contacts: `wsim.physics.rigid.contacts.RigidContactTables`, whose tables of shapes are there, and whose `aside` has the list
+    before where there are several worlds. first (2, shapes of bodies): number of pairs up to each shape, and in that list.
+    arrays: what kernels note of shapes and bodies, for `Work` of kernels/rigid/contact.py."""
 
     def __init__(self, contacts, module):
         self.contacts, self.model, filters = contacts, contacts.model, contacts.filters
@@ -33,6 +49,7 @@ class PairList:
         self.listed = (world_pairs.world_pair_kernel(real, module) if self.near
                        else pairs.pair_list_kernel(real, module, filters is not None))
         self.summed, self.summing = pairs.prefix_sum_kernel(module), SUMMING[device.is_cuda]
+        self.setting_aside = set_aside_kernel(real, module) if self.model.worlds > 1 else None
 
         def zeros_for_trees(length, dtype):
             return wp.zeros(length, dtype=dtype, device=device)
@@ -48,13 +65,15 @@ class PairList:
                                 still=self.still.id if self.still else 0, grouped=int(grouped),
                                 low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=device))
         arm, slack = self.extents()
-        self.number, self.first, self.sums = (zeros_for_trees(size, int) for size in (mine, mine, self.summing))
+        self.number, self.first, self.sums = (zeros_for_trees(size, int) for size in (mine, (2, mine), self.summing))
+        strayed = zeros_for_trees(1 + self.model.worlds, int)
+        self.stray = strayed[:1]                         # whether a body of any world has
         self.arrays: dict[str, Any] = {
             "center": zeros_for_trees(shapes, wp.vec3d), "span": zeros_for_trees(shapes, t.vec2),
             "from_x": zeros_for_trees(n, t.vec3),
             "from_q": zeros_for_trees(n, t.quat), "way": zeros_for_trees(contacts.still_first, real),
-            "strayed": zeros_for_trees(1, int), "arm": self.model.upload(arm.astype(self.model.dtype), real),
-            "slack": self.model.upload(slack.astype(self.model.dtype), real), "listed": self.first[mine - 1:]}
+            "strayed": strayed, "arm": self.model.upload(arm.astype(self.model.dtype), real),
+            "slack": self.model.upload(slack.astype(self.model.dtype), real), "listed": self.first[0][mine - 1:]}
 
     def extents(self) -> tuple[np.ndarray, np.ndarray]:
         """Of each body [m]: distance from the centre of mass to the farthest end of what turns; part of the least ball."""
@@ -95,8 +114,14 @@ class PairList:
 
     def list_near_pairs(self, k: int, time: float, wanted: wp.array, anew: bool = True) -> None:
         """Lists the pairs that may meet within a time [s] from substep k on. wanted: a word, how many pairs there were. anew:
-        builds the trees; else refits them and adds by one thread, as a branch of a CUDA graph must take no memory."""
+        builds the trees; else refits them and adds by few threads, as a branch of a CUDA graph must take no memory, and lists
+        those of worlds in which a body has strayed."""
         launch, rig = self.model.launch, self.contacts.rig()
+        if anew:
+            self.arrays["strayed"].fill_(1)
+        elif self.setting_aside:
+            launch(self.setting_aside, self.contacts.room, [self.contacts.list], [self.contacts.aside])
+            wp.copy(self.first[1], self.first[0])
         if self.contacts.moves:
             self.place_colliders(k, time, anew)
         launch(self.reach, self.mine, [rig, 0, k, time], [self.tree])
@@ -104,10 +129,23 @@ class PairList:
             (self.bvh.rebuild if anew else self.bvh.refit)()
         near = [self.near] if self.near else []
         for write in (0, 1):
-            launch(self.listed, self.mine, [rig, self.tree, *near, self.first, write], [self.number, wanted])
+            launch(self.listed, self.mine, [rig, self.tree, *near, self.contacts.aside, self.first, write], [self.number, wanted])
             if not write and anew:
-                wp.utils.array_scan(self.number, self.first, True)
+                wp.utils.array_scan(self.number, self.first[0], True)
             elif not write:
                 for step in ((0, 1) if self.summing > 1 else (1,)):
-                    launch(self.summed, self.summing, [self.number, self.summing, step], [self.sums, self.first])
-        self.arrays["strayed"].fill_(1)
+                    launch(self.summed, self.summing, [self.number, self.summing, step], [self.sums, self.first[0]])
+
+    def forget_contacts(self, worlds: set[int]) -> None:
+        """The last list forgets what bore where in some worlds, as at a start; rows that hold no pair are cleared too."""
+        kept, now = self.contacts.arrays(), self.contacts.list
+        world, tables = self.contacts.table.world.numpy(), (kept, {name: getattr(now, name) for name in kept})
+        for table in tables:
+            a = table["a"].numpy()
+            own = (a < 0) | np.isin(world[np.maximum(a, 0)], sorted(worlds))
+            for name, array in table.items():
+                if name not in "ab":
+                    values = array.numpy()
+                    values[own if len(values) == len(own) else np.repeat(own, 4)] = -1 if name == "colour" else 0
+                    values[~np.isfinite(values)] = 0              # left by a pair that was in the row before
+                    array.assign(values)

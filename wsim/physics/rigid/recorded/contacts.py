@@ -123,7 +123,8 @@ class RecordedContacts:
         place = c.table.place.numpy().astype(np.float64)[shapes]
         z = quat_rotate(place[..., 3:], np.broadcast_to([0.0, 0.0, 1.0], place[..., :3].shape))
         ball = c.table.ball.numpy().astype(np.float64)[shapes]
-        fastest = np.sqrt(2.0 * c.work.g * np.where(ball < 0.0, np.inf, ball).min(axis=1))
+        fall = c.work.g.numpy()[c.table.world.numpy()[shapes[:, 0]]]
+        fastest = np.sqrt(2.0 * fall * np.where(ball < 0.0, np.inf, ball).min(axis=1))
         surface = contact_formulas.ContactShapes(own["skin"][at // 4], z, place[..., :3], fastest)
         return RecordedManifolds(at, frames, shapes, surface, geo, k, state.x, state.q, arrays)
 
