@@ -28,6 +28,7 @@ import warp as wp
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.speed import hardware  # noqa: E402
 from wsim.physics.rigid import forms  # noqa: E402
+from wsim.physics.rigid.contacts.measure import contact_overlap  # noqa: E402
 from wsim.physics.rigid.objects import Body  # noqa: E402
 from wsim.scene import Box, Collider, Plane, Scene  # noqa: E402
 from wsim.scene.curve import Motion  # noqa: E402
@@ -100,7 +101,8 @@ def measure(name: str, args, device) -> dict:
             "least_ms": min(times), "cpu_ms": 1e3 * cpu, "ready_s": ready, "pairs": int(contacts.broad.first.numpy()[-1]),
             "manifolds": int((contacts.list.count.numpy() > 0).sum()), "colours": int(contacts.work.colours.numpy()[0]),
             "in_turn": contacts.in_turn, "sag_mm": 1e3 * float(before - seen[top, 1, 3]) if standing else None,
-            "speed_m_s": float(np.linalg.norm(method.velocities(), axis=1).max()), "overlap_mm": 1e3 * contacts.overlap(),
+            "speed_m_s": float(np.linalg.norm(method.velocities(), axis=1).max()),
+            "overlap_mm": 1e3 * contact_overlap(contacts),
             "finite": bool(np.isfinite(seen).all()), "warnings": sim.warnings}
 
 

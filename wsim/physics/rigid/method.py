@@ -36,6 +36,7 @@ def build(b: "Build") -> Method:
 
 class RigidMethod(Method):
     """`bodies`: (body, world), a row of the part each; `masses` of them."""
+    measures_worlds = True
 
     def __init__(self, b: "Build"):
         super().__init__("rigid")
@@ -107,19 +108,21 @@ class RigidMethod(Method):
         self.put("p", np.array([m.mass * body.velocity for m, (body, _) in zip(self.masses, self.bodies, strict=True)]))
         self.put("L", self.momentum(rotation.unit_quat(q), spin))
 
-    def put_turns(self, q: np.ndarray) -> None:
-        self.put("q", q.astype(self.model.dtype))
-        self.put("o", q - q.astype(self.model.dtype))
+    def put_turns(self, q: np.ndarray, rows=slice(None)) -> None:
+        self.put("q", q.astype(self.model.dtype), rows)
+        self.put("o", q - q.astype(self.model.dtype), rows)
 
     def momentum(self, q: np.ndarray, spin: np.ndarray) -> np.ndarray:
         """Angular momentum (n, 3) [kg m^2/s] of angular velocities [rad/s]."""
         moments = np.array([m.moments for m in self.masses])
         return rotation.quat_rotate(q, moments * rotation.quat_rotate(rotation.quat_conjugate(q), spin))
 
-    def put(self, name: str, values: np.ndarray) -> None:
-        self.part.arrays[name].assign(np.ascontiguousarray(values, self.model.dtype))
-        if f"{name}h" in self.part.arrays:
-            self.part.arrays[f"{name}h"].zero_()
+    def put(self, name: str, values: np.ndarray, rows=slice(None)) -> None:
+        for array, given in ((self.part.arrays.get(name), values), (self.part.arrays.get(f"{name}h"), 0.0 * values)):
+            if array is not None:
+                now = array.numpy()
+                now[rows] = given[rows]
+                array.assign(now)
 
     def read(self, name: str) -> np.ndarray:
         """p or L at the end of a frame, where points are read half a step on too (kernels/rigid/touch/half_step.py)."""
@@ -151,8 +154,7 @@ class RigidMethod(Method):
 
     def _push(self) -> np.ndarray:
         """Weight and force [N], (n, 3)."""
-        worlds = [world for _, world in self.bodies]
-        return np.array([m.mass for m in self.masses])[:, None] * self.gravity[worlds] + self.force
+        return np.array([m.mass for m in self.masses])[:, None] * self.gravity[[of for _, of in self.bodies]] + self.force
 
     def moving(self) -> Any:
         return fill_struct(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
@@ -170,8 +172,8 @@ class RigidMethod(Method):
             self.touch.connect_ports(others)
 
     def find_remedies(self, status: FrameStatus) -> list[Remedy]:
-        found = self.contacts.find_remedies(status) if self.contacts else []
-        return found + (self.touch.foreseen.find_remedies(self.touch.clock) if self.touch and self.touch.foreseen else [])
+        foreseen = self.touch.foreseen.find_remedies(self.touch.clock) if self.touch and self.touch.foreseen else []
+        return [*(self.contacts.find_remedies(status) if self.contacts else []), *foreseen]
 
     def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         return [w for each in (self.contacts, self.joints) if each for w in each.frame_warnings()]
@@ -182,6 +184,10 @@ class RigidMethod(Method):
             self.joints.prepare_restart(own)
         if self.contacts and len(own.get("a", ())) > self.contacts.room:
             self.contacts.grow(len(own["a"]))
+
+    def forget_worlds(self, worlds: set[int]) -> None:
+        if self.contacts:
+            self.contacts.broad.forget_contacts(worlds)
 
     def advance(self, clock: Clock) -> None:
         if self.contacts or self.recorded:
@@ -194,8 +200,8 @@ class RigidMethod(Method):
 
     def poses(self) -> np.ndarray:
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
-        axes = np.array([m.axes for m in self.masses])
-        R = rotation.quaternion_to_matrix(rotation.quat_product(self.turns(), rotation.quat_conjugate(axes)))
+        back = rotation.quat_conjugate(np.array([m.axes for m in self.masses]))
+        R = rotation.quaternion_to_matrix(rotation.quat_product(self.turns(), back))
         found, center = np.tile(np.eye(4), (len(R), 1, 1)), np.array([m.center for m in self.masses])
         found[:, :3, :3] = R
         found[:, :3, 3] = self.origin + self.get("x") + self.get("e") - np.einsum("nij,nj->ni", R, center)
@@ -218,18 +224,18 @@ class RigidMethod(Method):
         """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
         poses, v, spins = self.turns(), self.velocities(), self.spins()
         for k in rows:
-            before, body = self.masses[k], self.bodies[k][0]
-            self.masses[k] = now = reweigh_inertia(body, before, name, value)
+            before = self.masses[k]
+            self.masses[k] = now = reweigh_inertia(self.bodies[k][0], before, name, value)
             poses[k] = rotation.quat_product(poses[k], rotation.quat_product(rotation.quat_conjugate(before.axes), now.axes))
         q = rotation.unit_quat(poses)
-        self.put_turns(q)
-        self.put("p", np.array([m.mass for m in self.masses])[:, None] * v)
-        self.put("L", self.momentum(q, spins))
+        self.put_turns(q, rows)
+        self.put("p", np.array([m.mass for m in self.masses])[:, None] * v, rows)
+        self.put("L", self.momentum(q, spins), rows)
         self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
         self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
         self.given.push.assign(self._push().astype(self.model.dtype))
         if self.joints:
-            self.joints.weigh(self.masses)
+            self.joints.weigh(self.masses, {self.bodies[k][1] for k in rows})
 
     def contact_points(self, clock: Clock) -> list:
         from wsim.physics.rigid.contacts.contact_points import rigid_contact_points
@@ -247,16 +253,9 @@ class RigidMethod(Method):
             found += instancer_samples(self, poses, [k for k, body in own if body.instancer])
         return found
 
-    def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
-        first, places = np.array([world == 0 for _, world in self.bodies]), self.origin + self.get("x")
-        mass = np.array([m.mass for m in self.masses])
-        kinetic = 0.5 * ((self.read("p") * self.velocities()).sum(1) + (self.read("L") * self.spins()).sum(1))
-        rotors = self.joints.stored_energy() if self.joints else 0.0
-        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum()) + rotors}
-        for each in filter(None, (self.contacts, self.touch)):
-            found |= each.indicators()
-        return found | (self.joints.indicators() if self.joints else {})
+    def indicators(self, x, v, world: int | None = None) -> dict[str, float]:
+        from wsim.physics.rigid.contacts.measure import rigid_indicators
+        return rigid_indicators(self, world)
 
     def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
@@ -265,18 +264,19 @@ class RigidMethod(Method):
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.given.push.assign(self._push().astype(self.model.dtype))
+            if self.contacts:
+                self.contacts.work.g.assign(self.contacts.fall_accelerations())
             return True
         if path == "/" or not len(hit) or name not in LIVE:
             return any([other.set_value(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)
-            q, every = self.turns(), np.tile(value, (len(now), 1))
-            mass = np.array([m.mass for m in self.masses])[:, None]
-            now[hit] = (mass * every if field == "p" else self.momentum(q, every))[hit]
-            self.put(field, now)
+            every, mass = np.tile(value, (len(now), 1)), np.array([m.mass for m in self.masses])[:, None]
+            now[hit] = (mass * every if field == "p" else self.momentum(self.turns(), every))[hit]
+            self.put(field, now, hit)
             if self.joints:
-                self.joints.renew_velocities()
+                self.joints.renew_velocities({self.bodies[k][1] for k in hit})
             return True
         if name in ("mass", "inertia"):
             self.weigh(hit, name, value)

@@ -129,7 +129,8 @@ class PairList:
             (self.bvh.rebuild if anew else self.bvh.refit)()
         near = [self.near] if self.near else []
         for write in (0, 1):
-            launch(self.listed, self.mine, [rig, self.tree, *near, self.contacts.aside, self.first, write], [self.number, wanted])
+            given = [rig, self.tree, *near, self.contacts.aside, self.first, write]
+            launch(self.listed, self.mine, given, [self.number, wanted])
             if not write and anew:
                 wp.utils.array_scan(self.number, self.first[0], True)
             elif not write:

@@ -106,8 +106,8 @@ class DeviceJoints:
         return [_joint_frame_in_body(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
                 for k, row in enumerate(pair)]
 
-    def weigh(self, masses: list) -> None:
-        """Other masses, moments and principal axes of the bodies."""
+    def weigh(self, masses: list, changed: set[int]) -> None:
+        """Other masses, moments and principal axes of the bodies, in the worlds that have changed."""
         t, worlds = self.linked.t, self.model.worlds
         t.w.assign(np.array([1.0 / m.mass for m in masses]))
         every = [self.side_frames(masses[w * len(masses) // worlds:]) for w in range(worlds)]
@@ -188,8 +188,8 @@ class DeviceJoints:
         for name, value in zip(names, values, strict=True):
             getattr(t, name).assign(np.ascontiguousarray(value))
 
-    def renew_velocities(self) -> None:
-        """Momenta of bodies were set."""
+    def renew_velocities(self, changed: set[int]) -> None:
+        """Momenta of bodies were set, in the worlds that have changed."""
 
     def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
         """Goes on from fields of the first body."""
@@ -233,12 +233,11 @@ class DeviceJoints:
             self.model.launch(kernels[name], self.islands, [*given, contacts.rig(), self.with_contacts(contacts.work)], [])
         return launch_joint_pass
 
-    def stored_energy(self) -> float:
-        """Kinetic energy [J] of the first world that bodies do not have."""
+    def stored_energy(self, world: int = 0) -> float:
+        """Kinetic energy [J] of a world that bodies do not have."""
         return 0.0
 
     def frame_warnings(self) -> list[tuple[tuple, float, str]]:
-        """See `wsim.model.stage.Method.frame_warnings`."""
         said, self.ignored = self.ignored, ""                 # once
         return [(("joints", "ignored"), 0.0, said)] if said else []
 
@@ -247,16 +246,21 @@ class DeviceJoints:
         linked = int((np.diff(self.order.first_joint) > 0).sum())
         return f"{self.count} joints in {linked} islands"
 
-    def indicators(self) -> dict[str, float]:
-        shift, turn = self.error()
-        broken = int(self.linked.broken.numpy().sum())
+    def of_world(self, rows: np.ndarray, world: int | None) -> np.ndarray:
+        """The rows of one world, world behind world; None: all."""
+        each = len(rows) // self.model.worlds
+        return rows if world is None else rows[world * each:(world + 1) * each]
+
+    def indicators(self, world: int | None = None) -> dict[str, float]:
+        shift, turn = self.error(world)
+        broken = int(self.of_world(self.linked.broken.numpy(), world).sum())
         return {"joint_error": shift, "joint_angle_error": turn} | ({"joints_broken": float(broken)} if broken else {})
 
-    def error(self) -> tuple[float, float]:
-        """Error of locked coordinates now, at most: [m], [rad]."""
-        now, kind, low = (np.asarray(a.numpy()) for a in (self.linked.now, self.linked.t.kind, self.linked.t.low))
+    def error(self, world: int | None = None) -> tuple[float, float]:
+        """Error of locked coordinates now, at most: [m], [rad]; of one world, or of all."""
+        now, kind, low = (self.of_world(a.numpy(), world) for a in (self.linked.now, self.linked.t.kind, self.linked.t.low))
         off = np.where(kind == int(tables.LOCKED), np.abs(now - low), 0.0)
-        whole = self.linked.broken.numpy() == 0
+        whole = self.of_world(self.linked.broken.numpy(), world) == 0
         return float(off[whole, :3].max(initial=0.0)), float(off[whole, 3:].max(initial=0.0))
 
 

@@ -25,7 +25,7 @@ from wsim.kernels.rigid.joint.tree.steps import IMPLICIT, ROS2, tree_step_functi
 from wsim.kernels.rigid.joint.tree.substep.bases import place_tree_base
 from wsim.kernels.rigid.joint.tree.substep.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.tables import Trees
-from wsim.kernels.rigid.lists.pairs import body_straying_func
+from wsim.kernels.rigid.lists.worlds import body_straying_func
 from wsim.kernels.rigid.soft_step import body_steps
 
 

@@ -53,7 +53,7 @@ class DeviceTrees(DeviceJoints):
         self.q.assign(np.tile(self._start_coordinates(), self.model.worlds))
         self.lost = False                                     # coordinates are older than the poses of the bodies
         self.project = tree_velocity_kernel(b.model.real, self._tree_module("tree_velocities"))
-        self.stale = True                                     # generalised velocities are older than momenta of the bodies
+        self.stale = set(range(b.model.worlds))               # where generalised velocities are older than momenta of bodies
 
     def _make_tree_parts(self, b) -> None:
         self.tree_parts: list[StatePart] = []
@@ -117,9 +117,9 @@ class DeviceTrees(DeviceJoints):
         tables = [getattr(self.joints[j], name) if j >= 0 else {} for j in np.repeat(links.joint, np.diff(links.first_dof))]
         return np.array([table.get(AXES[row], 0.0) for table, row in zip(tables, links.row, strict=True)])
 
-    def stored_energy(self) -> float:
-        """Kinetic energy [J] of the armature of the first world."""
-        return float(0.5 * (self._dof_values("armature") * self.qd.numpy()[:self.links.first_dof[-1]]**2).sum())
+    def stored_energy(self, world: int = 0) -> float:
+        """Kinetic energy [J] of the armature of a world."""
+        return float(0.5 * (self._dof_values("armature") * self.of_world(self.qd.numpy(), world)**2).sum())
 
     def _tree_work(self, sizes: dict[str, int], worlds: int) -> dict[str, Any]:
         def zeros(size, dtype=wp.float64):
@@ -205,12 +205,20 @@ class DeviceTrees(DeviceJoints):
             moved = self.method.get("x") + self.method.get("e")
             self.q.assign(np.concatenate([self._start_coordinates(w, moved) for w in range(self.model.worlds)]))
         if self.stale:
-            self.launch_trees(self.project, [self.method.moving(), self.linked], [self.trees])
-            self.stale = self.lost = False
+            self._project_momenta()
+            self.stale, self.lost = set(), False
+
+    def _project_momenta(self) -> None:
+        """Generalised velocities from momenta, where those are newer: in other worlds they would change by rounding."""
+        kept = self.qd.numpy().copy() if len(self.stale) < self.model.worlds else None
+        self.launch_trees(self.project, [self.method.moving(), self.linked], [self.trees])
+        if kept is not None:
+            now, of = self.qd.numpy(), np.repeat(np.arange(self.model.worlds), len(kept) // self.model.worlds)
+            self.qd.assign(np.where(np.isin(of, sorted(self.stale)), now, kept))
 
     def prepare_restart(self, fields: dict[str, np.ndarray]) -> None:
         """Goes on from fields of the first body, which may be those of maximal coordinates."""
-        self.lost, self.stale = "joint_q" not in fields, "joint_qd" not in fields
+        self.lost, self.stale = "joint_q" not in fields, set(range(self.model.worlds)) if "joint_qd" not in fields else set()
 
     def colour_nodes(self, rows: np.ndarray) -> np.ndarray:
         """The root of each body's tree."""
@@ -230,11 +238,11 @@ class DeviceTrees(DeviceJoints):
         return {"slip_by_push": wp.zeros(16 * room, dtype=t.vec2, device=self.device),
                 "slip_by_rub": wp.zeros(6 * room, dtype=t.mat22, device=self.device)}
 
-    def renew_velocities(self) -> None:
-        self.stale = True
+    def renew_velocities(self, changed: set[int]) -> None:
+        self.stale |= changed
 
-    def weigh(self, masses: list) -> None:
-        super().weigh(masses)
+    def weigh(self, masses: list, changed: set[int]) -> None:
+        super().weigh(masses, changed)
         t, rows = self.trees.t, np.concatenate([np.array(self.links.body, int) + w * len(masses) // self.model.worlds
                                                 for w in range(self.model.worlds)])
         t.mass.assign(np.array([masses[k].mass for k in rows]))
@@ -242,7 +250,7 @@ class DeviceTrees(DeviceJoints):
         for table, frames in ((t, self._link_frames()), (self.trees.loops, tree_loop_frames(self))):
             for name, values in frames.items():
                 getattr(table, name).assign(np.tile(values, (self.model.worlds, 1)))
-        self.stale = True
+        self.stale |= changed
 
     def advance(self, kernel, clock: Clock, bodies, now) -> None:
         """All substeps of a frame."""
@@ -258,14 +266,15 @@ class DeviceTrees(DeviceJoints):
         self.launch_trees(kernel, [h, self.method.table, self.linked], [self.trees])
         return self.trees.tau.numpy()[:len(self.qd)]
 
-    def indicators(self) -> dict[str, float]:
+    def indicators(self, world: int | None = None) -> dict[str, float]:
         """joint_residual: change of rates in the last sweep over limits and dry friction, over the largest rate, at most."""
-        left = float(self.trees.left.numpy().max(initial=0.0)) if not self.touching else 0.0
-        return super().indicators() | ({"joint_residual": left} if left > 0.0 else {})
+        left = float(self.of_world(self.trees.left.numpy(), world).max(initial=0.0)) if not self.touching else 0.0
+        return super().indicators(world) | ({"joint_residual": left} if left > 0.0 else {})
 
-    def error(self) -> tuple[float, float]:
+    def error(self, world: int | None = None) -> tuple[float, float]:
         """Gaps of joints that close loops now, at most: [m], [rad]. Other locked axes have no error."""
-        return loop_gaps(self.links.loops, self.trees.loops.C.numpy()[:len(self.links.loops.kind) * self.model.worlds])
+        rows = len(self.links.loops.kind) * self.model.worlds
+        return loop_gaps(self.links.loops, self.of_world(self.trees.loops.C.numpy()[:rows], world))
 
     @property
     def what(self) -> str:
