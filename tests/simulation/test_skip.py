@@ -68,7 +68,7 @@ SCENE = (room("scene", "scene attachments bodies solids curve.curve curve.motion
 LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
        | room("simulation.predicted", "errors measured growth sweep_strain sag rolling")
-       | room("simulation.measure", "captures indicators exceeded host log_messages readings")
+       | room("simulation.measure", "captures indicators exceeded host log_messages readings checks.lost")
        | room("scene.nodal", "masses separate") | room("scene", "integrator methods samples")
        | room("model", "stage ports state status model midnodes launches kernel_cache structs vjp warp_private")
        | room("model.compiler", "variants source header recorded version")

@@ -94,6 +94,10 @@ class Model(KernelLaunches):
         """Places with those of points that bodies share in one body's arrays only."""
         return places if self.alias is None else self.alias[places].astype(places.dtype)
 
+    def of_world(self, world: int) -> str:
+        """Words that name a world behind a path, where there are several."""
+        return f" (world {world})" * (self.worlds > 1)
+
     @property
     def gone(self) -> np.ndarray:
         """Places that another stands for, (k,)."""

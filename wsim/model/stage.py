@@ -47,7 +47,8 @@ class Clock:
     fresh: bool = False           # masses and gravity of points change between frames: none goes on from a step before it
     touching: bool = False        # every frame has contacts: what one world does must not depend on what others touch
     loop: Any = None  # `wsim.model.launches.SubstepLoop` in whose body launches stand: then k is none's in particular
-    apart: bool = False  # what would change the steps of all worlds for one raises `wsim.simulation.retry.FixedStepsError`
+    apart: bool = False  # what would change the steps of all worlds for one raises `measure.checks.lost.FixedStepsError`
+    open: bool = False           # of such worlds: alone, each would take more substeps where a check asks for them
 
     @property
     def h(self) -> float:
@@ -163,6 +164,7 @@ class Remedy:
     row: int = 0
     why: str = ""
     steps: int = 0
+    worlds: tuple[int, ...] = () # that a check is of
     keeps: bool = False          # graphs stay valid: kernels read what has grown by `wsim.model.structs.PlacedStruct`
 
 
@@ -195,6 +197,7 @@ class Method:
     offers: Ports = field(default_factory=Ports)               # what others may ask for
     by_world: bool = False                                     # `set` takes a `ByWorld` too
 
+    measures_worlds = False                                    # `indicators` can be of one world
     alike = False                                              # launches of substeps but the first and the last are the same
 
     @cached_property
@@ -237,11 +240,15 @@ class Method:
     def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Makes room for what an earlier run has left, by path and name, before it is put into the state."""
 
+    def forget_worlds(self, worlds: set[int]) -> None:
+        """Worlds begin again: lists that are of all forget what is theirs. Raises SceneError where that cannot be."""
+
     def resume_run(self, time: float) -> None:
         """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """Error indicators from positions [m] (relative to the objects' origins) and velocities [m/s], solver order."""
+        """Error indicators from positions [m] (relative to the objects' origins) and velocities [m/s], solver order. Methods
+        with `measures_worlds` take a world too, and give what is measured of that one alone."""
         return {}
 
     def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:

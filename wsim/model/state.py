@@ -55,6 +55,7 @@ class StatePart:
     """Device arrays by field name, all of `capacity` rows, of which `count` are in use.
 
     rows    {(prim path, world): its rows, in the author's order}: what is restarted by prim path
+    common  its rows stand for no world in particular, such as a list of contacts of all
     every   the persistent fields of the table's first type behind each other, so that a copy saves them all; `aside`: saved
     """
 
@@ -67,6 +68,7 @@ class StatePart:
     every: Any = None
     aside: Any = None
     saved: dict[str, tuple[wp.array, wp.array]] = field(default_factory=dict)      # persistent ones beside `every`
+    common: bool = False
 
     @staticmethod
     def allocate(name: str, fields: tuple[StateField, ...], count: int, real, device,
@@ -186,10 +188,11 @@ class SimulationState:
         for array, aside in self.copies():
             wp.copy(array, aside)
 
-    def of(self, path: str, world: int = 0) -> Iterator[tuple[str, wp.array, np.ndarray]]:
-        """(name, array, rows in the author's order) of every field of a prim that outlives a frame."""
+    def of(self, path: str, world: int = 0, own: bool = False) -> Iterator[tuple[str, wp.array, np.ndarray]]:
+        """(name, array, rows in the author's order) of every field of a prim that outlives a frame; own: but those of lists
+        that worlds have in common."""
         for part in self.parts.values():
-            if (path, world) in part.rows:
+            if (path, world) in part.rows and not (own and part.common):
                 part.refresh()
                 yield from ((f.name, part.arrays[f.name], part.rows[path, world]) for f in part.kept)
 

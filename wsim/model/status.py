@@ -95,3 +95,7 @@ class FrameStatus:
         """Words of this name; zeros (one) where nobody has reserved it."""
         place = self.places.get(name)
         return np.zeros(1, np.int32) if place is None else self.words[place]
+
+    def worlds_that_said(self, name: str) -> tuple[int, ...]:
+        """Worlds whose word of this name, one for each, is not 0."""
+        return tuple(np.flatnonzero(self.said(name)).tolist())

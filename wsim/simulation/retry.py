@@ -7,16 +7,14 @@ from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, NoReturn
 
-import numpy as np
-
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
 from wsim.scene.curve import Curve
 from wsim.scene.integrator import TABLE
-from wsim.scene.methods import has_other_objects
 from wsim.scene.values.table import limits_explicit_steps
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import format_duration
+from wsim.simulation.measure.checks.lost import FixedStepsError, drop_worlds, hold_lost_worlds, worlds_not_finite
 
 if TYPE_CHECKING:
     from wsim.model.stage import Remedy
@@ -24,17 +22,9 @@ if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
 
-class FixedStepsError(Exception):
-    """A frame of several worlds asks for other steps, and they are to stay as they are (`Clock.apart`). worlds: those that ask
-    for them; none where that is not known."""
-
-    def __init__(self, worlds: set[int]):
-        super().__init__(f"worlds {sorted(worlds)} take other steps")
-        self.worlds = worlds
-
-
 def enter_frame(sim: Simulation) -> None:
     """A frame begins."""
+    hold_lost_worlds(sim)
     for method in sim.plan.methods:
         method.choose_frame_form(sim.plan.clock)
 
@@ -86,8 +76,9 @@ def _act_on_remedies(sim: Simulation, said: list[Remedy]) -> bool:
     for remedy in said:
         if remedy.kind == "stop":
             _give_up_frame(sim, remedy)
-    if "refine" in kinds and _drop_worlds(sim):
-        return True
+    if "refine" in kinds and (again := drop_worlds(sim)) is not None:
+        _drop_graphs(sim, _grow_full_lists(sim, said, "grow"))
+        return again or "grow" in kinds
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and (_switch_solver(sim) or _shorten_named(sim)):
         return True
     for remedy in said:
@@ -112,74 +103,6 @@ def _grow_full_lists(sim: Simulation, said: list[Remedy], kind: str) -> list[str
     grown = [(text, remedy.keeps) for remedy in said if remedy.kind == kind and remedy.act and (text := remedy.act())]
     sim.repeats += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text, _ in grown]
     return [text for text, keeps in grown if not keeps]
-
-
-def worlds_not_finite(sim: Simulation) -> set[int]:
-    """Worlds of which something that outlives a frame is not finite."""
-    found = set()
-    for part in sim.state.parts.values():
-        arrays = [part.arrays[f.name].numpy() for f in part.kept if f.type not in ("int", "long")]
-        good = [np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays if len(a)]
-        if good and not (whole := np.logical_and.reduce(good)).all():
-            found |= {world for (_, world), rows in part.rows.items() if not whole[rows].all()}
-    return found
-
-
-def _drop_worlds(sim: Simulation) -> bool:
-    """Takes worlds out that are not finite, where others are: each stands still at its start from here on, and the others do
-    not change. False where all of them are, so that steps are too long for any, or where there is more than points."""
-    broken = set() if sim.worlds == 1 or has_other_objects(sim.scene) else worlds_not_finite(sim)
-    if not broken or len(broken | sim.lost.keys()) == sim.worlds:
-        return False
-    sim.state.restore_snapshot()
-    begin_again(sim, broken, held=True)
-    sim.state.take_snapshot()
-    for world in sorted(broken):
-        sim.lost[world] = sim.frame + 1
-        sim.warnings.append(f"frame {sim.frame + 1}: world {world} stopped being a number and was taken out: it stands at its "
-                            "start until it is reset; the others go on")
-    return True
-
-
-def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
-    """Puts worlds back to the state of the scene's start. Live values stay, and what varies in time goes on; BDF2 and leapfrog
-    go on as if the velocity had been the same before. held: at rest, and held there."""
-    one = type(sim)(sim.given, device=sim.device, precision=sim.precision)
-    for part in sim.state.parts.values():
-        for f in part.kept:
-            now = part.arrays[f.name].numpy()
-            for (path, world), rows in part.rows.items():
-                if world in worlds:
-                    first = _field_at_start(one, part, path, f.name)
-                    if len(first) != len(rows):
-                        raise SceneError(Problem(path, "has grown since the start, so that no world is reset alone; reset all"))
-                    still = held and f.name in ("v", "u", "s", "b", "r")
-                    scale = sim.plan.clock.h if f.name == "s" else 1.0
-                    now[rows] = 0.0 * first if still else scale * first if scale != 1.0 else first
-            part.arrays[f.name].assign(now)
-    points = sim.plan.ports.points
-    if points is not None:
-        points.hold(one.plan.ports.points.constants.w.numpy(), worlds, held)
-    bodies, alone = sim.plan.ports.bodies, one.plan.ports.bodies
-    if bodies is not None and {m.mass for m in bodies.masses} != {m.mass for m in alone.masses}:
-        for (body, _), v, w in zip(alone.bodies, alone.velocities(), alone.spins(), strict=True):
-            for name, value in (("velocity", 0.0 * v if held else v), ("spin", 0.0 * w if held else w)):
-                for world in worlds:                          # momenta at the start are those of the scene's masses
-                    bodies.set_value(body.path, name, value, world)
-    sim.balance = None
-    if not held:
-        for world in worlds:
-            sim.lost.pop(world, None)
-
-
-def _field_at_start(one: Simulation, part, path: str, name: str) -> np.ndarray:
-    """A field at the start: of those that carry history, the velocity."""
-    name = {"s": "v", "u": "v", "b": "v"}.get(name, name) if part.name == "points" else name
-    names = {f.name for f in part.kept}
-    for other in one.state.parts.values():
-        if (path, 0) in other.rows and {f.name for f in other.kept} == names:
-            return other.arrays[name].numpy()[other.rows[path, 0]]
-    return np.zeros(0)
 
 
 def _fall_back_to_euler(sim: Simulation, why: str) -> None:

@@ -88,6 +88,7 @@ class Simulation(Readings):
         self.notes: dict[tuple, ExceededNote] = {}  # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.repeats: list[str] = []           # why frames were repeated, where that asks nothing of anybody
         self.lost: dict[int, int] = {}         # worlds that were taken out, each with the frame in which it broke
+        self.origin: Any = None                # one world where it begins, made where a world begins again
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         self.headroom: Any = None  # `wsim.simulation.live_stability.LiveStability`, once explicit steps are asked for it
         try:
@@ -208,7 +209,8 @@ class Simulation(Readings):
             return self._build()
         if world not in range(self.worlds):
             raise SceneError(Problem("world", f"there is no world {world}; allowed are 0 to {self.worlds - 1}"))
-        retry.begin_again(self, {world})
+        from wsim.simulation.measure.checks.lost import begin_again
+        begin_again(self, {world})
 
     # reading and setting
 

@@ -53,6 +53,7 @@ def near_sources(fluid: Fluid, scene) -> list[Source]:
 
 class Fluids(Method):
     """`domains`: one for each fluid of each world."""
+    measures_worlds = True
 
     def __init__(self, b: "Build"):
         super().__init__("fluid")
@@ -210,8 +211,6 @@ class Fluids(Method):
                  f"{domain.fluid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
                  "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
 
-    # what is told and set
-
     def arrays(self, k: int) -> dict[str, np.ndarray]:
         """u, v, w on faces along the grid's axes and smoke, heat of fluid k now, float64, in the shapes of its layout."""
         layout = self.layouts[k]
@@ -225,19 +224,20 @@ class Fluids(Method):
                 found += volumes.volume_samples(fluid, fields_at_centers(fluid, self.layouts[k], self.arrays(k)))
         return found
 
-    def indicators(self, x, v) -> dict[str, float]:
-        """Indicators of the first world: kinetic energy [J], smoke [m^3], greatest speed [m/s], greatest divergence [1/s]; of
+    def indicators(self, x, v, world: int | None = None) -> dict[str, float]:
+        """Indicators of a world (None: the first): kinetic energy [J], smoke [m^3], greatest speed [m/s], divergence [1/s]; of
         the last frame: most iterations of one solve of the pressure, steps."""
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
-            if domain.world == 0:
+            if domain.world == (world or 0):
                 obstacles = domain.obstacles if self.settled else None
                 arrays = self.windows[k].arrays() if k in self.windows else self.arrays(k)
-                for name, value in fluid_measures(domain.fluid, domain.layout, arrays, obstacles).items():
-                    both = max if name in ("fluid_speed", "fluid_divergence") else sum
+                own = {"fluid_iterations": float(self.status.said("fluid: solves")[2 * k + 1]),
+                       "fluid_steps": float(self.status.said("fluid: steps")[2 * k])}
+                for name, value in (fluid_measures(domain.fluid, domain.layout, arrays, obstacles) | own).items():
+                    both = sum if name in ("fluid_energy", "fluid_smoke") else max
                     found[name] = both([found.get(name, 0.0), value])
-        said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
-        return found | {"fluid_iterations": float(said["solves"][1::2].max()), "fluid_steps": float(said["steps"][::2].max())}
+        return found
 
     def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         rows = slice(None) if world is None else world
@@ -245,8 +245,7 @@ class Fluids(Method):
             getattr(self, name)[rows] = value
         hit = [k for k, (fluid, of) in enumerate(self.pairs) if world in (None, of)]
         mine = False
-        for k in hit:
-            domain = self.domains[k]
+        for k, domain in ((k, self.domains[k]) for k in hit):
             own = path == domain.fluid.path and name in (*LIVE, *self.shapes(domain.fluid))
             if path == "/" and name in ("wind", "gravity") or own:
                 shapes = self.shapes(domain.fluid).get(name, (np.shape(value),))

@@ -19,6 +19,7 @@ from wsim.kernels.rods.tables import RodStep
 from wsim.model.launches import KernelLaunches
 from wsim.model.stage import Clock, Remedy
 from wsim.model.structs import fill_struct
+from wsim.scene import Problem, SceneError
 
 if TYPE_CHECKING:
     from wsim.model.status import FrameStatus
@@ -266,6 +267,12 @@ class CoupledStrands:
     def before_frame(self) -> None:
         self.words.zero_()                               # they are set before they are read
         self.fresh = False
+
+    def forget_worlds(self) -> None:
+        """Raises SceneError where pairs of all worlds are remembered together."""
+        if self.memory:
+            raise SceneError(Problem(self.table.pairs[0][0].path, "rods that touch themselves remember pairs of all worlds, so "
+                                     "that no world is reset alone; fix: reset all"))
 
     def find_remedies(self) -> list[Remedy]:
         return self.bodies.find_remedies() if self.bodies else []

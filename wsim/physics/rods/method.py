@@ -65,7 +65,7 @@ class RodMethod(Method):
     """`table`: strands of all rods and worlds. touching: what they are solved together by where they touch themselves or
     rigid bodies, else None; among: what they meet surfaces by, likewise."""
 
-    threads = THREADS
+    threads, measures_worlds = THREADS, True
 
     def __init__(self, b: "Build"):
         super().__init__("rods")
@@ -226,6 +226,10 @@ class RodMethod(Method):
         if self.touching and self.touching.memory:
             self.touching.memory.make_room(len(fields.get(self.table.pairs[0][0].path, {}).get("pair0", (0,))))
 
+    def forget_worlds(self, worlds: set[int]) -> None:
+        if self.touching:
+            self.touching.forget_worlds()
+
     def resume_run(self, time: float) -> None:
         self.table.copy_rings(self.part.arrays)
         if self.touching and self.touching.memory:
@@ -258,17 +262,15 @@ class RodMethod(Method):
         """Positions [m] and velocities [m/s] of rods k, world, (n, 3) float64, in the author's order."""
         place = self.table.place[k]
         x, v = (self.part.arrays[name].numpy()[place] for name in ("x", "v"))
-        if self.among:
-            v = v + self.among.kick.numpy()[place]
+        v = v + self.among.kick.numpy()[place] if self.among else v
         return x + self.table.origin[place % self.table.strands], v
 
     def samples(self, world: int = 0) -> list[Sample]:
         return [PointSample(rods.path, *self.points(k)) for k, (rods, of) in enumerate(self.table.pairs) if of == world]
 
-    def indicators(self, x, v) -> dict[str, float]:
-        """Indicators of the first world: the greatest strain of an edge, Newton's iterations and what they left in the last
-        frame, how deep points were in colliders [m]."""
-        t, own = self.table, [own for own, (_, world) in zip(self.table.own, self.table.pairs, strict=True) if world == 0]
+    def indicators(self, x, v, world: int | None = None) -> dict[str, float]:
+        """Of a world (None: the first): greatest strain, iterations and what they left, depth in colliders [m]."""
+        t, own = self.table, [own for own, (_, of) in zip(self.table.own, self.table.pairs, strict=True) if of == (world or 0)]
         which = np.concatenate([np.arange(s.start, s.stop) for s in own])
         place = self.part.arrays["x"].numpy().reshape(t.longest, t.strands, 3)[:, which]
         length = t.values["length"][:-1, which]
@@ -277,20 +279,18 @@ class RodMethod(Method):
         said = self.said.numpy()[which]
         found = {"rod_strain": float(strain.max(initial=0.0)), "rod_iterations": float(said[:, 0].max(initial=0.0)),
                  "rod_residual": float(said[:, 1].max(initial=0.0))}
-        if self.touching:
+        if self.touching and world is None:
             found |= self.touching.indicators()
         return found | ({"rod_penetration": float(said[:, 2].max(initial=0.0))} if self.obstacles.colliders else {})
 
     def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":
-            gravity = self.gravity.copy()
-            gravity[slice(None) if world is None else world] = value
-            self.weigh(gravity)
+            self.gravity[slice(None) if world is None else world] = value
+            self.weigh(self.gravity)
             return True
         if name == "motion" and self.table.move_pin(path, value, world) or self.loads.set_value(path, name, value, world):
             return True
-        array = {"wind": self.strands.wind, "air_drag": self.strands.decay}.get(name) if path == "/" else None
-        if array is None:
+        if (array := {"wind": self.strands.wind, "air_drag": self.strands.decay}.get(name) if path == "/" else None) is None:
             return False
         values = array.numpy()
         for own, (_, of) in zip(self.table.own, self.table.pairs, strict=True):

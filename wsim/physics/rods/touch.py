@@ -44,7 +44,7 @@ class RememberedPairs(StatePart):
               StateField("pair_stick", "m", True, "bristle of their friction", "vec3d"))
 
     def __init__(self, touching: StrandSelfContact):
-        super().__init__("rod pairs", 0, 0, self.FIELDS)
+        super().__init__("rod pairs", 0, 0, self.FIELDS, common=True)
         self.touching, self.held = touching, False        # held: what an earlier run has left, until a frame begins
         t = touching.table
         self.all, self.own = t.strands, sum(world == 0 for world in touching.worlds_of)

@@ -38,7 +38,7 @@ def note_exceeded_limits(sim) -> None:
     status = sim.plan.status
     for method in sim.plan.methods:
         for key, value, said in method.frame_warnings(status):
-            _add_exceeded_note(sim, key, value, said)
+            _add_exceeded_note(sim, key, value, _with_world(sim.model, key, said))
     if not status.words.any():
         return
     bodies, explicit = sim.model.bodies, sim.plan.choice.solver == "explicit"
@@ -55,6 +55,13 @@ def note_exceeded_limits(sim) -> None:
         said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
                 else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")
         _add_exceeded_note(sim, (bool(strained), where), value, said)
+
+
+def _with_world(model, key: tuple, text: str) -> str:
+    """A warning that names its world behind its prim, where there are several and its key ends with both."""
+    path, world = key[-2:] if len(key) > 1 else ("", 0)
+    named = isinstance(path, str) and path.startswith("/") and isinstance(world, int)
+    return text.replace(path, path + model.of_world(world), 1) if named else text
 
 
 def warn_of_depth(sim, depth: float) -> list[str]:

@@ -56,6 +56,7 @@ class SurfaceFreeFlight:
         parts = b.state.points
         self.x, self.e = (parts.aside[k * parts.capacity:(k + 1) * parts.capacity] for k in map(parts.names.index, ("x", "e")))
         self.part = StatePart.allocate("near surfaces", FIELDS, 1, real, device)
+        self.part.common = True
         self.part.rows = {(method.surfaces.bodies[0].path, 0): np.array([0])}
         b.state.add(self.part)
         self.wait, self.tried, self.vain = 1, 0, False      # vain: the frame has been tried without stages, and repeated

@@ -207,17 +207,21 @@ class Liquids(Method):
     def samples(self, world: int = 0) -> list[Sample]:
         return [liquid_sample(liquid, self.particles(k)) for k, (liquid, of) in enumerate(self.pairs) if of == world]
 
-    def indicators(self, x, v) -> dict[str, float]:
-        """Indicators of the first world: kinetic energy and that in gravity [J], greatest speed [m/s], particles, and the
-        volume [m^3] where the last step began; of the last frame: most iterations of one solve of the pressure, steps."""
+    measures_worlds = True
+
+    def indicators(self, x, v, world: int | None = None) -> dict[str, float]:
+        """Indicators of a world (None: the first): kinetic energy and that in gravity [J], greatest speed [m/s], particles, and
+        the volume [m^3] where the last step began; of the last frame: most iterations of one solve of the pressure, steps."""
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
-            if domain.world == 0:
+            if domain.world == (world or 0):
                 volume = float(domain.volume.sums.numpy()[0, 0]) if self.settled else None
-                for name, value in liquid_measures(domain.liquid, self.particles(k), self.gravity[0], volume).items():
+                g = self.gravity[domain.world]
+                for name, value in liquid_measures(domain.liquid, self.particles(k), g, volume).items():
                     found[name] = max(found.get(name, 0.0), value) if name == "liquid_speed" else found.get(name, 0.0) + value
-        said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
-        return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"][::2].max())}
+        own = [domain.world == (world or 0) for domain in self.domains]
+        solves, steps = (self.status.said(f"liquid: {name}").reshape(-1, 2)[own] for name in ("solves", "steps"))
+        return found | {"liquid_iterations": float(solves[:, 1].max()), "liquid_steps": float(steps[:, 0].max())}
 
     def set_value(self, path: str, name: str, value, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":

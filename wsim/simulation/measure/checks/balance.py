@@ -22,6 +22,7 @@ from wsim.model.stage import Clock, Method, Ports, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
+from wsim.simulation.measure.checks.lost import TOLD
 from wsim.simulation.measure.checks.reasons import STILL, OpenFrameReasons
 from wsim.simulation.measure.checks.rise import FIRST, left_open
 from wsim.simulation.measure.checks.terms import EnergyTerms
@@ -80,7 +81,7 @@ class EnergyBalance(Method):
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
         self.begun, self.fresh, self.gift, self.mass = True, True, -1.0, free_mass_of_world(b)
         self.surfaces = False                                # collide with themselves
-        self.rises, self.why, self.worst = 0, list[str](), (0.0, "")
+        self.rises, self.why, self.worst = 0, list[str](), dict[int, tuple[float, str]]()
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
         self.stages += works.stages
         self.stages.append(Stage("energy balance", "deform", self.check, len(terms.each) + 2, terms.rows.capacity, "frame",
@@ -151,7 +152,7 @@ class EnergyBalance(Method):
         if gained and self.clock.integrator.beyond and self.surfaces:
             found.append(Remedy("give way", why=f"{self.clock.steps} substeps do not resolve what happens"))
         elif gained:
-            found.append(Remedy("check", why="energy gained"))
+            found.append(Remedy("check", why="energy gained", worlds=status.worlds_that_said(WORD)))
         return found + (self.figures.find_remedies(status, self.clock.steps) if self.figures else [])
 
     @property
@@ -166,32 +167,30 @@ class EnergyBalance(Method):
         for why in self.why or [f"{path} moves" for path in self.reasons.paths[moves - 1:moves]]:
             self.opens[why] = self.opens.get(why, 0) + 1
         found = self.figures.frame_warnings(status, self.clock.steps, self.advice_at_start) if self.figures else []
-        return [*found, *self.gains(status.said(WORD))]
+        return [*found, *(each for world in status.worlds_that_said(WORD)[:TOLD]
+                          for each in self.gains(status.said(WORD)[world], world))]
 
     @property
     def advice_at_start(self) -> str:
         """The advice of the first frames besides."""
         return APART * (self.frames <= FIRST)
 
-    def gains(self, said: np.ndarray) -> list[tuple[tuple, float, str]]:
-        """Warnings of energy. said: word of each world."""
-        if not said.any():
-            return []
+    def gains(self, said: int, world: int) -> list[tuple[tuple, float, str]]:
+        """Warnings of the energy of a world. said: its word."""
         from wsim.simulation.measure.checks.gains import gains_by_prim
-        found = self.found()
-        each, world = gains_by_prim(self, found["world"]), found["world"]
-        path = max(each, key=lambda name: each[name]) + f" (world {world})" * (self.model.worlds > 1)
+        found, each = self.found(world), gains_by_prim(self, world)
+        path = max(each, key=lambda name: each[name]) + self.model.of_world(world)
         most = float(self.part.arrays["balance_most"].numpy()[world])
         gained, more = found["gained"], "substeps or iterations" if self.iterates else "substeps"
         other = ', or solver "implicit" if sweeps do not converge' * (self.terms.solver == "xpbd")
-        if (said == 2).any():
-            return [(("speeds",), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
+        if said == 2:
+            return [(("speeds", world), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
                      f"{self.clock.steps} substeps)")]
-        if gained >= self.worst[0]:
-            self.worst = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic energy so "
-                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){other}"
-                                  f"{self.advice_at_start}")
-        return [(("energy",), gained, self.worst[1])]
+        if gained >= self.worst.get(world, (0.0, ""))[0]:
+            self.worst[world] = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic "
+                                         f"energy so far is {most:.3g} J; give it more {more} (now {self.clock.steps} "
+                                         f"substeps){other}{self.advice_at_start}")
+        return [(("energy", world), gained, self.worst[world][1])]
 
     def report(self) -> dict[str, Any]:
         """The part of a report: frames, those left open by reason, the largest rise over the largest kinetic energy; strained:
@@ -200,11 +199,10 @@ class EnergyBalance(Method):
         return {"frames": self.frames, "left_open": dict(self.opens), "rise": float((peak / np.maximum(most, 1e-300)).max()),
                 "strained": self.terms.solver == "xpbd" and bool(self.model.bodies)}
 
-    def found(self) -> dict[str, Any]:
-        """The last rise of the world that gained most: gained, allowed, kinetic, work [J], world."""
-        rise = self.ledger.rise.numpy()
-        world = int(np.argmax(rise[:, 0] / np.maximum(rise[:, 1], 1e-300)))
-        return dict(zip(("gained", "allowed", "kinetic", "work"), map(float, rise[world]), strict=True)) | {"world": world}
+    def found(self, world: int = 0) -> dict[str, Any]:
+        """The last rise of a world: gained, allowed, kinetic, work [J]."""
+        rise = self.ledger.rise.numpy()[world]
+        return dict(zip(("gained", "allowed", "kinetic", "work"), map(float, rise), strict=True))
 
 
 def free_mass_of_world(b) -> float:

@@ -11,7 +11,9 @@ import warp as wp
 from wsim.kernels.rigid import checks
 from wsim.model.stage import Clock, Remedy
 from wsim.model.status import FrameStatus
+from wsim.physics.rigid.contacts.measure import points_of_world
 from wsim.scene import Box, Capsule, Surface
+from wsim.simulation.measure.checks.lost import TOLD
 from wsim.simulation.measure.checks.rolling import RollingCheck
 
 GAPS, OVERLAPS = "joints that gape", "shapes that overlap"
@@ -54,38 +56,40 @@ class RigidFigures:
             self.rolling.launch(clock)
 
     def find_remedies(self, status: FrameStatus, steps: int) -> list[Remedy]:
-        found = [Remedy("check", why=name) for name in (GAPS, OVERLAPS) if status.said(name).any()]
+        found = [Remedy("check", why=name, worlds=status.worlds_that_said(name)) for name in (GAPS, OVERLAPS)
+                 if status.said(name).any()]
         return found + (self.rolling.find_remedies(status, steps) if self.rolling else [])
 
     def frame_warnings(self, status: FrameStatus, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
         """Warnings: prims, the figure, what helps. steps: substeps now; at_start: what helps in the first frames besides."""
         found = []
-        if status.said(GAPS).any():
-            path, gap, angle = self.worst_joint()
+        for world in status.worlds_that_said(GAPS)[:TOLD]:
+            path, gap, angle = self.worst_joint(world)
             what, unit = (gap, "m") if gap > 0.0 else (angle, "rad")
-            found.append(((GAPS,), what, f"{path} gapes by {{worst}} {unit}; give more substeps (now {steps}), or bodies of "
-                          "masses that are more alike"))
-        if status.said(OVERLAPS).any():
-            one, other, deep = self.worst_overlap()
-            found.append(((OVERLAPS,), deep, f"{one} and {other} overlap by {{worst}} m; give more substeps (now {steps}), or "
-                          f"masses that are more alike{at_start}"))
+            found.append(((GAPS, world), what, f"{path}{self.model.of_world(world)} gapes by {{worst}} {unit}; give more "
+                          f"substeps (now {steps}), or bodies of masses that are more alike"))
+        for world in status.worlds_that_said(OVERLAPS)[:TOLD]:
+            one, other, deep = self.worst_overlap(world)
+            found.append(((OVERLAPS, world), deep, f"{one} and {other}{self.model.of_world(world)} overlap by {{worst}} m; "
+                          f"give more substeps (now {steps}), or masses that are more alike{at_start}"))
         return found + (self.rolling.frame_warnings(status, steps) if self.rolling else [])
 
-    def worst_joint(self) -> tuple[str, float, float]:
-        """Path, gap [m] and angle [rad] of the joint that is worst, the figure that is not 0."""
+    def worst_joint(self, world: int) -> tuple[str, float, float]:
+        """Path, gap [m] and angle [rad] of the joint of a world that is worst, the figure that is not 0."""
         joints = self.rigid.joints
-        now, kind, low = (np.asarray(a.numpy()) for a in (joints.linked.now, joints.linked.t.kind, joints.linked.t.low))
-        off = np.where((kind == int(checks.LOCKED)) & (joints.linked.broken.numpy() == 0)[:, None], np.abs(now - low), 0.0)
+        now, kind, low, broken, size = (joints.of_world(np.asarray(a.numpy()), world) for a in (
+            joints.linked.now, joints.linked.t.kind, joints.linked.t.low, joints.linked.broken, self.size))
+        off = np.where((kind == int(checks.LOCKED)) & (broken == 0)[:, None], np.abs(now - low), 0.0)
         gap, angle = off[:, :3].max(axis=1), off[:, 3:].max(axis=1)
-        of_gap, of_angle = gap / (float(checks.GAP) * self.size.numpy()), angle / float(checks.ANGLE)
+        of_gap, of_angle = gap / (float(checks.GAP) * size), angle / float(checks.ANGLE)
         k = int(np.argmax(np.maximum(of_gap, of_angle)))
         path = joints.joints[k % len(joints.joints)].path
         return (path, float(gap[k]), 0.0) if of_gap[k] >= of_angle[k] else (path, 0.0, float(angle[k]))
 
-    def worst_overlap(self) -> tuple[str, str, float]:
-        """Paths of the two that overlap most for their size, and the depth [m]."""
+    def worst_overlap(self, world: int) -> tuple[str, str, float]:
+        """Paths of the two of a world that overlap most for their size, and the depth [m]."""
         c = self.rigid.contacts
-        used = np.arange(4) < c.list.count.numpy()[:, None]
+        used = points_of_world(c, world)
         deep = np.where(used, -c.work.now.numpy().reshape(-1, 4), 0.0).max(axis=1)
         width, a, b = self.width.numpy(), c.list.a.numpy(), c.list.b.numpy()
         k = int(np.argmax(deep / np.minimum(width[a], width[b])))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from wsim.scene.bodies import DefaultCount
+from wsim.simulation.measure.checks.lost import FixedStepsError
 from wsim.simulation.predicted.sag import MOST
 
 if TYPE_CHECKING:
@@ -31,13 +32,15 @@ def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
     balance, clock = sim.plan.ports.balance, sim.plan.clock
     if sim.overlaps and balance.frames < FIRST:
         return False
-    if clock.apart or not left_open(sim.given) or balance.rises >= RISES:
+    if not (clock.open if clock.apart else left_open(sim.given)) or balance.rises >= RISES:
         return False
     before = clock.steps
     more = TIMES if balance.rises == RISES - 1 else 1
-    steps = max(min(more * c.steps, MOST) or TIMES * before for c in checks)
-    if steps <= before:
+    wanted = [min(more * c.steps, MOST) or TIMES * before for c in checks]
+    if (steps := max(wanted)) <= before:
         return False
+    if clock.apart:
+        raise FixedStepsError({world for c, n in zip(checks, wanted, strict=True) if n > before for world in c.worlds})
     clock.substeps, clock.starting = steps * clock.integrator.solves, True
     sim.graphs.forget("substeps were raised")
     balance.rises += 1

@@ -14,6 +14,7 @@ from wsim.kernels.rigid import checks
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
 from wsim.model.status import FrameStatus
+from wsim.simulation.measure.checks.lost import TOLD
 from wsim.simulation.predicted.rolling import FEW, ROLLS
 
 WORD = "bodies that roll too fast"
@@ -49,24 +50,26 @@ class RollingCheck:
         self.model.launch(checks.close_rolling, self.model.worlds, [self.found, clock.substeps], [self.lasted, self.last,
                                                                                                  self.status.word(WORD)])
 
-    def passed(self) -> tuple[float, int]:
-        """Most facets or radians that pass in a substep of the last frame, and the index of the shape."""
-        most = int(self.last.numpy().max())
+    def passed(self, world: int | None = None) -> tuple[float, int]:
+        """Most facets or radians that pass in a substep of the last frame, of a world or of all, and the index of the shape."""
+        most = int(self.last.numpy()[slice(None) if world is None else world].max())
         return 1e-3 * (most >> 32), most & 0xFFFFFFFF
 
     def find_remedies(self, status: FrameStatus, substeps: int) -> list[Remedy]:
         if not status.said(WORD).any():
             return []
-        return [Remedy("check", why=WORD, steps=ceil(substeps * self.passed()[0] / FEW))]
+        return [Remedy("check", why=WORD, steps=ceil(substeps * self.passed()[0] / FEW), worlds=status.worlds_that_said(WORD))]
 
     def frame_warnings(self, status: FrameStatus, substeps: int) -> list[tuple[tuple, float, str]]:
-        if not status.said(WORD).any():
-            return []
-        passed, shape = self.passed()
+        return [said for world in status.worlds_that_said(WORD)[:TOLD] for said in self._warning_of_world(world, substeps)]
+
+    def _warning_of_world(self, world: int, substeps: int) -> list[tuple[tuple, float, str]]:
+        passed, shape = self.passed(world)
         (path, _), what = self.rigid.contacts.named[shape], ROLLS[ROLLED[kinds_of_rigid_shapes(self.rigid.contacts)[shape]]]
         if path == self.told.path and passed < SAID * self.told.rate / self.model.scene.fps / substeps:
             return []
-        if passed > self.worst.get(path, (0.0, ""))[0]:
-            self.worst[path] = passed, (f"{path} {what.format('{worst}')} in a substep, and loses too much speed; "
+        where = path + self.model.of_world(world)
+        if passed > self.worst.get(where, (0.0, ""))[0]:
+            self.worst[where] = passed, (f"{where} {what.format('{worst}')} in a substep, and loses too much speed; "
                                         f"give --substeps {ceil(substeps * passed / FEW)} (now {substeps})")
-        return [((WORD, path), passed, self.worst[path][1])]
+        return [((WORD, where), passed, self.worst[where][1])]
