@@ -31,6 +31,7 @@ class SweepCase:
     base: Scene
     key: tuple
     lives: list[tuple[str, str, Any]] = field(default_factory=list)
+    built: tuple[str, ...] = ()               # names of the draw that no running simulation takes
     start: str | None = None                  # a result whose last frame is the start
 
 
@@ -105,7 +106,8 @@ class SweepCases:
                 built.append((name, draw[name]))
             lives += own or []
         key = (file, repr(sorted((p, sorted(o.items())) for p, o in variants.items())), tuple(built))
-        return SweepCase(whole, base, key, lives, _drawn_value_text(draw[START]) if START in draw else None)
+        named = tuple(name for name, target in found.items() if target.kind in ("variant", "file")) + tuple(n for n, _ in built)
+        return SweepCase(whole, base, key, lives, named, _drawn_value_text(draw[START]) if START in draw else None)
 
     def started(self, case: SweepCase):
         """State that a case starts from (`wsim.usd.result.restart.RestartState`); None: the scene's own."""

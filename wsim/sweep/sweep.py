@@ -15,10 +15,10 @@ from importlib.util import find_spec
 from typing import Any
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.methods import other_objects
 from wsim.sweep.case import SweepCases, absolute_draw_paths, motion_digest
 from wsim.sweep.folder import SweepFolder
 from wsim.sweep.job import Job, Settings
+from wsim.sweep.share import reason_runs_go_apart
 from wsim.sweep.vary import draws as drawn
 from wsim.sweep.vary.draws import Draw
 
@@ -86,14 +86,23 @@ class Sweep:
         finally:
             self.folder.close()
 
+    def why_one_after_another(self, runs: list[tuple[int, Draw]]) -> str:
+        """Why runs share no arrays as worlds; "" where some do."""
+        if why := reason_runs_go_apart(self.base):
+            return why
+        cases = SweepCases(self.job)
+        found = [cases.case(draw) for _, draw in runs[:SHARES]]
+        if len({case.key for case in found}) < len(found):
+            return ""
+        built = sorted({name for case in found for name in case.built})
+        return f"each value of {', '.join(built)} is built into a scene of its own" if built else ""
+
     def _parts(self, runs: list[tuple[int, Draw]]) -> Iterator[list[Row]]:
         """Rows of parts as they end."""
         if not runs:
             return
-        others = sorted({type(thing).__name__ for thing in other_objects(self.base)})
-        if len(runs) > 1 and others and self.job.runs == Job.runs:
-            self.said(f"runs go one after another on each worker: worlds of {', '.join(others)} share no "
-                      "arrays in a sweep")
+        if len(runs) > 1 and self.job.runs == Job.runs and (why := self.why_one_after_another(runs)):
+            self.said(f"runs go one after another on each worker: {why}")
         if self.job.settings.remote:
             from wsim.sweep.cluster import RayCluster
             with RayCluster(self.job) as cluster:

@@ -15,14 +15,15 @@ from typing import Any
 
 from wsim.model import kernel_cache
 from wsim.scene import Scene, SceneError
-from wsim.scene.methods import has_other_objects
 from wsim.simulation import plan as plans
+from wsim.simulation.measure.checks.lost import FixedStepsError
+from wsim.simulation.measure.checks.rise import left_open
 from wsim.simulation.predicted import sag
-from wsim.simulation.retry import FixedStepsError
 from wsim.simulation.simulation import PRECISIONS, Simulation
 from wsim.sweep import case as cases
 from wsim.sweep.case import SweepCase, SweepCases
 from wsim.sweep.job import Job
+from wsim.sweep.share import reason_runs_go_apart, size_of_world
 from wsim.sweep.vary.draws import Draw
 from wsim.sweep.world import FinishedWorld, ResultLayers, worlds_of
 
@@ -44,8 +45,8 @@ class Worker:
 
     def most(self, scene: Scene) -> int:
         """Worlds that share arrays at most."""
-        asked, points = self.job.settings.worlds, sum(len(b.points) for b in scene.bodies())
-        if has_other_objects(scene) or not points:
+        asked, points = self.job.settings.worlds, size_of_world(scene)
+        if not points or reason_runs_go_apart(scene):
             return 1
         most = asked or (4096 if self.device.is_cuda else max(1, SMALL // points))
         if most > 1 and self.device.is_cuda:
@@ -76,7 +77,7 @@ class Worker:
         """Solver, integrator, substeps, iterations that its scene comes to."""
         scene = case.scene.single() if self.job.settings.precision == "float32" else case.scene
         named = scene.solver in ("xpbd", "implicit") and scene.integrator != "auto"
-        if not scene.bodies() or has_other_objects(scene) or named:
+        if not scene.bodies() or named:
             return scene.solver, scene.integrator, sag.rigid_body_substeps(scene), scene.iterations
         choice = plans.choice_of_scene(scene, device=self.device, real=self.real)
         return choice.solver, choice.integrator.name, choice.steps, choice.iterations
@@ -104,6 +105,7 @@ class Worker:
         base = replace(members[0][2].base, solver=solver, integrator=integrator, substeps=substeps, iterations=iterations)
         sim = Simulation(base, device=self.device, precision=self.job.settings.precision, worlds=len(members))
         sim.plan.clock.touching = sim.plan.clock.apart = True
+        sim.plan.clock.open = left_open(members[0][2].scene)
         steps = sim.plan.clock.substeps
         cases.set_live_values(sim, [case for _, _, case in members])
         for world, (_, _, case) in enumerate(members) if members[0][2].start else ():

@@ -5,8 +5,8 @@
     state                              digest of positions, their rounding remainders and velocities: two runs that agree in it
                                        ended alike to the bit
 
-Each is of the world's own arrays, so that it does not depend on how many others there are. Of scenes with rigid bodies, fluids
-or bones, which run alone, errors are those of `Simulation.indicators`.
+Each is of the world's own arrays, so that it does not depend on how many others there are. Methods of other things add theirs
+(`wsim.model.stage.Method.measures_worlds`). Of scenes whose worlds share no arrays, errors are `Simulation.indicators`.
 """
 
 import os
@@ -18,6 +18,7 @@ import numpy as np
 
 from wsim.scene.methods import has_other_objects
 from wsim.simulation.measure.indicators import edge_strain
+from wsim.sweep.share import reason_runs_go_apart
 from wsim.usd.result.as_json import as_json
 from wsim.usd.result.provenance import content_digest
 
@@ -40,10 +41,37 @@ class FinishedWorld:
 
 def worlds_of(sim: "Simulation") -> list[FinishedWorld]:
     """Every world now."""
+    if sim.worlds == 1 and reason_runs_go_apart(sim.scene):
+        return [FinishedWorld(sim.indicators(), list(sim.warnings), _digest_of_fields(sim, 0))]
     if has_other_objects(sim.scene) or not sim.model.bodies:
-        state = {path: sim.fields(path) for path in sim.state.paths()}
-        return [FinishedWorld(sim.indicators(), list(sim.warnings),
-                              content_digest([sorted(state[p].items()) for p in sorted(state)]))]
+        points = _points_of_worlds(sim) if sim.model.bodies else [FinishedWorld({}, [], "")] * sim.worlds
+        return [FinishedWorld(found.error | _errors_of_methods(sim, world), _warnings_of_world(sim, world),
+                              _digest_of_fields(sim, world)) for world, found in enumerate(points)]
+    return _points_of_worlds(sim)
+
+
+def _digest_of_fields(sim: "Simulation", world: int) -> str:
+    """Of all that outlives a frame in a world, but what stands for none in particular, and what checks keep."""
+    found = []
+    for path in sorted(sim.state.paths()):
+        fields = {name: array.numpy()[rows] for name, array, rows in sim.state.of(path, world, own=True)
+                  if not name.startswith("balance_")}
+        found.append((path, sorted(fields.items())))
+    return content_digest(found)
+
+
+def _errors_of_methods(sim: "Simulation", world: int) -> dict[str, float]:
+    """Errors that methods measure of one world."""
+    none = np.zeros((0, 3))
+    found: dict[str, float] = {}
+    for method in sim.plan.methods:
+        if method.measures_worlds:
+            found |= method.indicators(none, none, world)  # type: ignore[call-arg]
+    return found
+
+
+def _points_of_worlds(sim: "Simulation") -> list[FinishedWorld]:
+    """Worlds of bodies of points."""
     s, model, points = sim.state, sim.model, sim.plan.ports.points
     x, e, v = (a.numpy() for a in (s.x, s.e, s.v))
     free, gravity = points.constants.w.numpy() > 0.0, points.gravity().astype(np.float64)
