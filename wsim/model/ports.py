@@ -128,6 +128,7 @@ class Ports:
     rods: RodMethod = NONE
     strands: Any = NONE                                 # that meet surfaces in their substeps
     strand_reactions: Any = NONE
+    grid_reactions: Any = NONE                          # of pins of material points: `paths`, `takes`, `of`
     fluids: Fluids = NONE
     recorded_fluids: Any = NONE
     recorded_points: Any = NONE                         # material points

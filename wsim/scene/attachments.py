@@ -19,7 +19,7 @@ class Pin(ArrayDataclass):
     `scene.pin("/pins", flag, range(9))`.
 
     path        prim path
-    body        prim path of the cloth, spring net, soft body or rods
+    body        prim path of the cloth, spring net, soft body, rods or material points
     points      indices of its points, (k,), in the author's order, counted from 0
     target      prim path of the Xform that holds them; "": an Xform beside the pin
     motion      the target's frame to world over time, rigid, lengths [m]
@@ -65,12 +65,12 @@ def pin_onto_collider(pin: Pin, body: Any, collider: Collider) -> Pin:
     if body.noun == "rods":
         raise SceneError(Problem(pin.path, f"holds points of {body.path} at skin, which turns with them; fix: "
                                  "rods.pin_roots(path, collider), which clamps the first two of each strand"))
-    if ((pin.points < 0) | (pin.points >= len(body.points))).any():
+    if ((pin.points < 0) | (pin.points >= body.point_count)).any():
         raise SceneError(Problem(pin.path, f"holds points {pin.points.min()} to {pin.points.max()} of {body.path}; allowed is "
-                                 f"0 to {len(body.points) - 1}"))
+                                 f"0 to {body.point_count - 1}"))
     from wsim.geometry.topology import first_face_corners
 
-    x = body.motion.points(np.asarray(body.points, np.float64)[pin.points], 0.0)
+    x = body.placed_points()[pin.points]
     pin.follows = method_file("Skeleton", "objects").Follow.near(skin, first_face_corners(surface.counts, surface.indices), x)
     pin.target = collider.path
     return pin
@@ -113,7 +113,7 @@ class Load(ArrayDataclass):
     Dead: its direction stays (`Soft.pressure` turns).
 
     path        prim path
-    body        prim path of the cloth, spring net, soft body or rods; rods take forces alone
+    body        prim path of the cloth, spring net, soft body, rods or material points; the last two take forces alone
     curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
     points      of a force: indices of the points, (k,)
     weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum

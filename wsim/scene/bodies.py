@@ -162,6 +162,15 @@ class PointObject(ArrayDataclass):
     points: Any
     motion: Motion
 
+    def placed_points(self) -> np.ndarray:
+        """Places of its points in the world as the scene starts [m], (n, 3)."""
+        return self.motion.points(self.points, 0.0)
+
+    @property
+    def point_count(self) -> int:
+        """Number of its points."""
+        return len(self.points)
+
     @property
     def has_surface(self) -> bool:
         """True if it has triangles: tractions act on them, and it is a wall for air and liquids."""

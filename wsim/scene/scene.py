@@ -262,7 +262,7 @@ class Scene(ArrayDataclass):
         go; on skin each goes with its nearest face. As in `scene.pin("/collar", cape, range(9), onto=man)`."""
         pin = Pin(path, body if isinstance(body, str) else body.path, points, **more)
         if onto is not None:
-            body = self._named(path, "body", pin.body, [*self.bodies(), *self.things("Rods")])
+            body = self._named(path, "body", pin.body, [*self.bodies(), *self.things("Rods"), *self.things("MaterialPoints")])
             onto = self._named(path, "onto", getattr(onto, "path", onto), self.colliders)
             pin = pin_onto_collider(pin, body, onto)
         pins_of_object(self, pin.body).append(pin)
@@ -287,8 +287,8 @@ class Scene(ArrayDataclass):
         return self.loads[-1]
 
     def all_pins(self) -> list[Pin]:
-        """Pins of cloths, nets, soft bodies and rods."""
-        return [pin for holder in (self, *self.things("Rods")) for pin in holder.pins]
+        """Pins of cloths, nets, soft bodies, rods and material points."""
+        return [pin for holder in (self, *self.things("Rods"), *self.things("MaterialPoints")) for pin in holder.pins]
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are those of the points that it begins with."""

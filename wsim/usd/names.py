@@ -199,7 +199,8 @@ OTHERS = (
         "young youngsModulus double Pa", "poisson poissonsRatio double 1", "model model token 1", "bulk bulkModulus double Pa",
         "exponent exponent double 1", "tension bearsTension bool 1", "compression_limit compressionLimit double 1",
         "tension_limit tensionLimit double 1", "hardening hardening double 1", "friction_angle frictionAngle double rad",
-        "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1", "pour_start pourStart double 1",
+        "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1", "drag drag double 1",
+        "pour_start pourStart double 1",
         "pour_end pourEnd double 1", "pour_rate pourRate double kg/s"))),
     *(AttributeEntry("Particles", name, schema, prefix + usd, kind, unit, kind == "token") for schema, prefix, rows in (
         ("Points", "", "points points point3f[] m|velocities velocities vector3f[] m/s|widths widths float[] m"),

@@ -114,7 +114,7 @@ def block_functions(real, team: bool = False) -> SimpleNamespace:
 @cache
 def block_kernels(real, module, flow: bool = False, team: bool = False) -> SimpleNamespace:
     """Kernels: mark, count, place over particles; near over 27 of each block, start over its four layers; settle over cells.
-    flow: particles come and go (flow.py). team: threads of a CPU share them; a block's particles then follow each other."""
+    flow: particles come and go (actions/flow.py). team: threads of a CPU share them; a block's particles are then in a row."""
     T, f, name, shared = point_tables(real), block_functions(real, team), types(real).name, SHARED
     layer = int(CELLS if team else LAYER)
 

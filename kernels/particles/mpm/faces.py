@@ -5,7 +5,8 @@ floor, outside of a wall that stands on it; within a box, near an edge of it. So
     q = y + OUTSIDE s dx                       a place in the matter, or beyond it
     (phi, n, p) closest to q;  the node is held where phi > 0 and (y - p) . n <= the depth that counts as within
 
-A node that no solid holds by itself is held by none. Where q is within the solid too, the face nearest to the node counts.
+A floor of two boxes has no edge at its seam: where p lies on another solid, the face of that counts. A node that no solid
+holds by itself is held by none. Where q is within the solid too, the face nearest to the node counts.
 """
 
 # ruff: noqa: UP018
@@ -23,6 +24,7 @@ from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 
 HALF = wp.constant(0.5)            # cells: depth of an open mesh, which has no inside
 OUTSIDE = wp.constant(1.5)         # as far as splines reach
+SEAM = wp.constant(0.01)           # cells: solids so near to each other touch
 BEYOND = wp.constant(2.5)             # cells: solids that are further from a node hold it by no face
 
 
@@ -53,6 +55,20 @@ def face_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return found
 
     @wp.func
+    def pass_seam(c: Colliders, k: int, a: t.vec3, n: t.vec3, p: t.vec3, time: real, dx: real):
+        """(n, p) of the face that a place a in the matter has before it: of another solid where p lies on that."""
+        normal = n
+        place = p
+        for other in range(c.kind.shape[0]):
+            if other != k and c.kind[other] != SHEET:
+                if ask.signed(c, other, p, time) <= real(SEAM) * dx:
+                    far, m, q = ask.closest(c, other, a, time)
+                    if far > real(0.0):
+                        normal = m
+                        place = q
+        return normal, place
+
+    @wp.func
     def holding_face(c: Colliders, k: int, y: t.vec3, side: t.vec3, time: real, dx: real, depth: real):
         phi, n, p = ask.closest(c, k, y, time)
         within = depth
@@ -60,11 +76,13 @@ def face_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
             within = real(HALF)
         holds = phi <= within * dx
         if c.kind[k] != SHEET and phi < real(BEYOND) * dx:
-            far, m, q = ask.closest(c, k, y + (real(OUTSIDE) * dx) * side, time)
+            a = y + (real(OUTSIDE) * dx) * side
+            far, m, q = ask.closest(c, k, a, time)
             if far > real(0.0):
+                m, q = pass_seam(c, k, a, m, q, time, dx)
                 n = m
                 p = q
-                holds = wp.dot(y - q, m) <= within * dx
+                holds = wp.dot(y - p, n) <= within * dx
         return holds, n, p
 
-    return SimpleNamespace(matter_side=matter_side, holding_face=holding_face)
+    return SimpleNamespace(matter_side=matter_side, holding_face=holding_face, pass_seam=pass_seam)

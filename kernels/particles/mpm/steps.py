@@ -25,7 +25,7 @@ TOO_LONG = wp.constant(1.5)        # rate of what a step leaves over its own, fr
 @cache
 def step_kernels(laws: tuple[str, ...], real, module, flow: bool = False) -> SimpleNamespace:
     """Kernels: measure_pace over `threads` that take particles a stride apart; begin_steps, next_step, of one thread. flow:
-    particles come and go (flow.py)."""
+    particles come and go (actions/flow.py)."""
     t, T, f = types(real), point_tables(real), motion_functions(laws, real)
 
     def measure_pace(points: T.PointRows, materials: T.MaterialRows, dx: real, dt: real, threads: int,

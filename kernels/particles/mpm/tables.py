@@ -41,7 +41,7 @@ def point_tables(real) -> SimpleNamespace:
         a: wp.array(dtype=real)            # stiffness of the fastest wave, density c^2 [Pa]
         volume: wp.array(dtype=real)       # at rest [m^3]
         row: wp.array(dtype=int)           # of its material
-        there: wp.array(dtype=int)         # where particles come and go: see flow.py; else empty
+        there: wp.array(dtype=int)         # where particles come and go: see actions/flow.py; else empty
 
     @wp.struct
     class MaterialRows:

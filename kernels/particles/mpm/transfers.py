@@ -134,6 +134,20 @@ def node_function(real):
 
 
 @cache
+def gather_kernel(real, module):
+    """Kernel over nodes of all blocks: momentum and mass, of sums of cells."""
+    t, T, gather = types(real), point_tables(real), node_function(real)
+
+    def gather_nodes(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), node_out: wp.array(dtype=t.vec4)):
+        n = wp.tid()
+        b = n // CELLS
+        if b < wp.min(g.used[0], g.key.shape[0]):
+            node_out[n] = gather(g, sums, b, n % CELLS)
+
+    return wp.kernel(gather_nodes, name=f"mpm_gather_nodes_{t.name}", module=module, enable_backward=False)
+
+
+@cache
 def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module, tiles: bool = False):
     """Kernel over nodes of all blocks: velocities at the end of the step, and 1 where a collider is near. clock as above. cpu:
     nodes hold what particles have added. tiles: `sums` are tiles (cpu/tiles.py)."""

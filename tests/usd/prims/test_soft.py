@@ -229,7 +229,7 @@ def test_an_attachment_of_what_is_no_body_is_left_out_with_the_bodies_named(read
     pin = ('def PhysicsAttachment "pin" {\nrel physics:src0 = </jelly>\nuniform token physics:type0 = "point"\n'
            'uniform token physics:type1 = "xform"\nint[] physics:indices0 = [0]\n}\n')
     scene = read(volume() + solid() + pin)
-    assert scene.pins == [] and "not simulated as a cloth, spring net or soft body (/ball)" in notes(scene)
+    assert scene.pins == [] and "cloth, spring net, soft body, rods or material points (/ball)" in notes(scene)
 
 
 def test_a_kinematic_soft_body_collides_by_its_surface(read):

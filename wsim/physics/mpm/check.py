@@ -8,9 +8,11 @@ import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.contact.collider.shells import has_obstacles
+from wsim.physics.mpm.actions.check_actions import check_actions
 from wsim.physics.mpm.implicit.choice import (
     IMPLICIT_MATERIALS,
     INTEGRATORS,
+    WAY,
     chosen_integrator,
     explicit_steps,
     has_implicit_steps,
@@ -20,11 +22,13 @@ from wsim.physics.mpm.memory import check_memory
 from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, MaterialSink, Snow, Water
 from wsim.physics.mpm.seeding import coarsened, place_particles
 from wsim.physics.mpm.sources.check_flow import check_pour, check_sink, check_start
+from wsim.physics.mpm.sources.check_shapes import check_extent, check_volume_shape
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
 
 MOST = 100_000             # steps of a frame, as kernels/particles/mpm/steps.py
 LOOKS = 64                 # cells across a shape, at most, when its particles are looked at
+STIFFEST = 1e24            # [Pa] that products in single precision hold
 SPARSE = 1.5               # cells between points, beyond which what is whole comes apart
 
 
@@ -40,7 +44,7 @@ def check(thing: MaterialPoints | MaterialSink, scene: Scene) -> Iterator[Proble
              *check_rigid_motion(thing.path, thing.motion, "put the scale into the shape's sizes")]
     yield from found
     first = scene.things("MaterialPoints")[0]
-    if thing.cell != first.cell:
+    if thing.cell != first.cell and isfinite(first.cell) and isfinite(thing.cell):
         yield thing_error(thing.path, f"cell is {thing.cell:g} m, and {first.path} has {first.cell:g} m",
                            "one cell size for all", f"give it cell={first.cell:g}")
     wrong = list(check_integrator(thing, scene))
@@ -48,6 +52,7 @@ def check(thing: MaterialPoints | MaterialSink, scene: Scene) -> Iterator[Proble
     if not any(problem.fatal for problem in [*found, *wrong]):
         for material in thing.materials:
             yield from check_step(thing, material, scene)
+        yield from check_speed(thing, scene)
         if thing.pour:
             found = list(check_pour(thing, scene))
             yield from found
@@ -56,6 +61,7 @@ def check(thing: MaterialPoints | MaterialSink, scene: Scene) -> Iterator[Proble
                                "a shape of a cell or more", "give smaller cells, or a larger shape")
             return
         if not any(problem.fatal for problem in found):
+            yield from check_actions(thing, scene)
             yield from check_start(thing, scene)
             yield from check_memory(thing, scene)
 
@@ -68,6 +74,15 @@ def check_material(path: str, m: Any) -> Iterator[Problem]:
         return
     yield from check_number(path, "density", m.density, 0.0, True)
     yield from check_number(path, "viscosity", m.viscosity, 0.0)
+    for name in ("young", "bulk"):
+        if isfinite(value := getattr(m, name, 0.0)) and value > STIFFEST:
+            yield thing_error(path, f"{name} is {value:.3g} Pa", f"up to {STIFFEST:g} Pa, which single precision holds",
+                              f"give another {name}, or make it a rigid body")
+    if isinstance(m, Snow):
+        yield from check_number(path, "hardening", m.hardening, 0.0)
+        yield from check_number(path, "tension_limit", m.tension_limit, 0.0)
+        if not 0.0 <= m.compression_limit < 1.0:
+            yield thing_error(path, f"compression_limit is {m.compression_limit:g}", "0 up to 1", "give another, such as 0.025")
     if isinstance(m, Water):
         yield from check_number(path, "bulk", m.bulk, 0.0, True)
         yield from check_number(path, "exponent", m.exponent, 1.0, True)
@@ -97,6 +112,8 @@ def check_places(thing: MaterialPoints) -> Iterator[Problem]:
         if isinstance(thing.shape, solids.Plane) or not isinstance(thing.shape, (Surface, *known)):
             yield thing_error(path, f"its shape is a {type(thing.shape).__name__}", "a closed shape, or a closed Surface",
                                "give it one of these")
+        elif not isinstance(thing.shape, PointCloud):
+            yield from check_volume_shape(path, thing.shape)
     elif thing.pour:
         yield thing_error(path, "it has points, and pours", "a shape that pours", "give a PointCloud of balls about the points")
     elif thing.volumes is None:
@@ -142,6 +159,7 @@ def check_points(thing: MaterialPoints) -> Iterator[Problem]:
         yield thing_error(path, f"volumes are of shape {volumes.shape}, or not all above 0",
                            f"one number above 0, or {len(points)} of them [m^3]", "give others")
     elif thing.cell > 0.0:
+        yield from check_extent(path, points, thing.cell)
         spacing = float(np.median(volumes) ** (1.0 / 3.0))
         if spacing > SPARSE * thing.cell and not any(isinstance(m, (Jelly, Snow)) for m in thing.materials):
             yield object_warning(path, f"a point has the volume of a cube of {spacing:.3g} m, and cells are {thing.cell:g} m: "
@@ -179,6 +197,15 @@ def check_integrator(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
 def are_known(things: list[MaterialPoints]) -> bool:
     """True if all bodies are of materials that there are."""
     return all(type(each) in MATERIALS.values() for each in materials_of(things))
+
+
+def check_speed(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
+    """An error of what would cross more cells in a frame than its steps hold."""
+    most = WAY * thing.cell * MOST * scene.fps
+    if np.abs(thing.velocity).max(initial=0.0) > most > 0.0:
+        speed = np.abs(thing.velocity).max()
+        yield thing_error(thing.path, f"velocity is up to {speed:.3g} m/s", f"{most:.3g} m/s, which {MOST} steps a frame hold",
+                          "give a lower speed, larger cells or more frames a second")
 
 
 def check_step(thing: MaterialPoints, material: Any, scene: Scene) -> Iterator[Problem]:

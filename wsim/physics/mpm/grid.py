@@ -14,7 +14,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.blocks import block_kernels
 from wsim.kernels.particles.mpm.steps import energy_kernel, step_kernels
 from wsim.kernels.particles.mpm.tables import CELLS, LAYER, point_tables
-from wsim.kernels.particles.mpm.transfers import cell_kernel, node_kernel, particle_kernel, sorted_kernels
+from wsim.kernels.particles.mpm.transfers import cell_kernel, gather_kernel, node_kernel, particle_kernel, sorted_kernels
 from wsim.model.model import Model
 from wsim.model.structs import fill_struct
 
@@ -41,15 +41,15 @@ def wave_stiffness(material: Any) -> float:
 
 class SparseGrid:
     """points, materials: structs of the particles. colliders: the scene's `ColliderTable`, or None. flow: a `MaterialFlow`
-    where particles come and go, else None."""
+    where particles come and go, else None. acts: `wsim.physics.mpm.actions.outside.OutsideActions`, or None."""
 
     shift = 0.0            # of nodes from multiples of dx of the world [cells]
     waves = True           # steps are as short as waves need
     least_blocks = 64      # that there is room for beside those at the start; on a GPU their threads are launched, and end
 
     def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int,
-                 flow: Any = None):
-        self.flow, self.model, self.count, self.dx, self.colliders = flow, model, count, dx, colliders
+                 flow: Any = None, acts: Any = None):
+        self.flow, self.model, self.count, self.dx, self.colliders, self.acts = flow, model, count, dx, colliders, acts
         self.cuda, self.gathers = model.device.is_cuda, gathers(model.device)
         self.module = module = model.module_of(BLOCK) if self.cuda else model.module
         real, kinds = model.real, colliders.kinds if colliders else ()
@@ -58,6 +58,8 @@ class SparseGrid:
         self._make_sorting()
         self.measure_energy = energy_kernel(laws, real, module)
         self._make_kernels(laws, kinds)
+        if acts:
+            acts.make_kernels(self)
         self.solve_word: Any = None            # of the frame's status, where steps are solved for
         self.points: Any = None
         self.materials: Any = None
@@ -89,7 +91,9 @@ class SparseGrid:
         momentum = sorted_kernels(real, module)
         self.sort_momentum = momentum.sort_momentum if self.gathers else momentum.scatter_momentum
         self.sum_cells = cell_kernel(real, module)
-        self.move_nodes = node_kernel(kinds, not self.gathers, real, module)
+        held = bool(self.acts and self.acts.hard)              # then nodes have their momentum before they move
+        self.gather_nodes = gather_kernel(real, module) if held and self.gathers else None
+        self.move_nodes = node_kernel(kinds, held or not self.gathers, real, module)
         self.move_particles = particle_kernel(kinds, laws, not self.gathers, real, module)
 
     def complete_kernels(self) -> None:
@@ -114,6 +118,8 @@ class SparseGrid:
         self.nodes = self.zeros(CELLS * blocks, types(self.real).vec4)
         shape = (27, CELLS * blocks) if self.gathers else (1, 1)
         self.sums = wp.zeros(shape, dtype=self.nodes.dtype, device=self.model.device)
+        if self.acts:
+            self.acts.make_room(blocks)
         self.grid = fill_struct(
             self.tables.BlockGrid, slot=self.slot, number=self.zeros(slots, int), key=self.zeros(blocks, wp.int64),
             near=self.zeros(27 * blocks, int), used=self.used, count=self.cell_count, first=self.zeros(CELLS * blocks, int),
@@ -153,6 +159,8 @@ class SparseGrid:
         """Launches what chooses the first step."""
         real = self.real
         self.pace.zero_()
+        if self.acts:
+            self.acts.begin_frame(self)
         threads = min(self.count, MEASURERS if self.cuda else 1)
         self.launch(self.by_step.measure_pace, threads,
                     [self.points, self.materials, real(self.dx), real(dt), threads, self.pace])
@@ -174,12 +182,18 @@ class SparseGrid:
     def take_step(self, dt: float, word: Any) -> None:
         """Launches one step."""
         self.sort_cells(word)
-        g, points, materials = self.grid, self.points, self.materials
+        g, points, materials, acts = self.grid, self.points, self.materials, self.acts
+        if acts:
+            acts.begin_step(self)
         self.give_momentum()
         self.launch(self.move_nodes, CELLS * self.blocks,
                     [g, self.sums, materials, self.wall_rows, self.clock, self.nodes])
+        if acts:
+            acts.hold_velocity(self)
         self.launch(self.move_particles, self.count,
                     [g, self.nodes, materials, self.wall_rows, self.clock, points, word, self.pace])
+        if acts:
+            acts.end_step(self)
         self.launch(self.by_step.next_step, 1,
                     [self.real(dt), self.blocks, self.more, self.pace, self.clock, self.going, word])
 
@@ -191,6 +205,10 @@ class SparseGrid:
                     [self.points, self.materials, self.grid, self.clock, self.rows if self.gathers else self.nodes])
         if self.gathers:
             self.launch(self.sum_cells, 32 * CELLS * self.blocks, [self.grid, self.rows, self.sums])
+            if self.gather_nodes:
+                self.launch(self.gather_nodes, CELLS * self.blocks, [self.grid, self.sums, self.nodes])
+        if self.acts:
+            self.acts.hold_momentum(self)
 
     def sort_cells(self, word: Any) -> None:
         """Launches what finds blocks, and the particles of each cell."""

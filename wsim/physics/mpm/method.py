@@ -15,7 +15,7 @@ from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
-from wsim.physics.mpm.coupling.choice import grid_class, law_names, make_walls, pushed_things
+from wsim.physics.mpm.coupling.choice import grid_class, law_names, make_actions, make_walls, pushed_things
 from wsim.physics.mpm.coupling.choice import signature as signature
 from wsim.physics.mpm.grid import MORE
 from wsim.physics.mpm.measure import find_crowd, find_fastest, particle_sample
@@ -68,7 +68,7 @@ class MaterialPointMethod(Method):
         refuse_large_bodies(self.things, b)
         placed = [self._place_thing(k) for k in range(len(self.things))]
         x = np.concatenate([each.x for each in placed])
-        make_grid = grid_class(self.things, b.scene.fps, b.model, bool(pushed_things(b.model)))
+        make_grid = grid_class(self.things, b.scene, b.model, bool(pushed_things(b.model)))
         self.corner = self.cell * (np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell) + make_grid.shift)
         self.node, offset = nearest_nodes(x, self.corner, self.cell)
         self.times = np.concatenate([each.times for each in placed])
@@ -88,10 +88,11 @@ class MaterialPointMethod(Method):
         self.exchange, colliders = make_walls(self, b)
         blocks = b.model.worlds * (count_blocks(self.node) + np.count_nonzero(np.isfinite(self.times)) // POURED)
         room = int(SPARE * blocks) + (FALLING if self.flow else make_grid.least_blocks)
-        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, room, self.flow)
+        self.acts = acts = make_actions(self, b)
+        self.grid = make_grid(b.model, self.part.count, self.cell, self.laws, colliders, room, self.flow, acts)
+        self._fill_tables(b)
         if self.exchange:
             self.exchange.set_grid(self.grid)
-        self._fill_tables(b)
         if self.flow:
             self.flow.make_kernels(self.laws, self.grid, self.corner)
             self._fill_births()
@@ -182,6 +183,7 @@ class MaterialPointMethod(Method):
                 reserve_further_rows(self, frame)
                 self.moved = True
             self.flow.pose(time, clock.dt)
+        _ = self.acts and self.acts.aim(time)
         self.finer = clock.substeps / self.base                # steps of a frame that is asked for in smaller ones
         self.grid.more.fill_(self.finer * self.more)
         self.grid.send_helpers()
@@ -278,6 +280,8 @@ class MaterialPointMethod(Method):
         return found if not self.flow else np.where(self.part.arrays["there"].numpy() == 1, found, 0.0)
 
     def set_value(self, path: str, name: str, value: Any, world: int | None = None) -> bool:
+        if self.acts and self.acts.set_value(path, name, value, world):
+            return True
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.grid.materials.gravity.assign(self.gravity.astype(self.model.dtype))

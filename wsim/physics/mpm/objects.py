@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from wsim.scene.attachments import Pin
 from wsim.scene.bodies import ArrayDataclass, PointObject, demand_kind
 from wsim.scene.curve import Motion
+from wsim.scene.methods import method_file
+from wsim.scene.solids import shape_row
 
 ACROSS = 2                 # particles of a full cell along each axis
 CONES = ("shear", "triaxial")
@@ -187,12 +190,14 @@ class MaterialPoints(PointObject):
     widths     diameters in results, of all or of each of the points [m]; None: of balls of the volumes
     ids        numbers of the points in results, (n,) [1]; None: 0, 1, 2 ...
     colors     linear RGB, 0 to 1 [1], of all, (3,), or of each of the points (n, 3); None: by the material
+    drag       coefficient of the air's drag on its surface, and on what has come off [1]; the air moves with `Scene.wind`
+    pins       `Pin`s of its particles
     integrator  "explicit", "implicit", or "auto": implicit ones where they cost less; one for all bodies of a scene
     """
 
     noun, plural = "material points", True
-    refused = dict.fromkeys(("pin", "load", "tie"), "material points take no pins, loads or ties yet: nothing holds a particle "
-                            "to a place while it flows")
+    refused = dict.fromkeys(("tie", "tie to a body"), "material points share no points with other bodies: pins hold them, and "  # noqa: RUF012
+                            "what they touch pushes them")
 
     path: str
     shape: Any = None
@@ -209,6 +214,8 @@ class MaterialPoints(PointObject):
     widths: np.ndarray | None = None
     ids: np.ndarray | None = None
     colors: np.ndarray | None = None
+    drag: float = 0.0
+    pins: list[Pin] = field(default_factory=list)
     integrator: str = "auto"
 
     def __post_init__(self):
@@ -223,6 +230,21 @@ class MaterialPoints(PointObject):
             if getattr(self, name) is not None:
                 setattr(self, name, np.array(getattr(self, name), kind))
         self.velocity, self.spin = (np.zeros(3) if v is None else np.array(v, np.float64) for v in (self.velocity, self.spin))
+
+    def placed_points(self) -> np.ndarray:
+        """Places of its particles in the world as the scene starts [m], (n, 3), in the order of results; of what pours none."""
+        if self.points is None:
+            return np.zeros((0, 3)) if self.pour else method_file("MaterialPoints", "seeding").fill_shape(self)
+        return self.points
+
+    @property
+    def point_count(self) -> int:
+        return len(self.placed_points())
+
+    def points_within(self, shape: Any, at: Any = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """Numbers of its particles that start within a shape at a place [m], for a pin or a load, as in
+        `scene.pin("/top", bar, bar.points_within(Box((0.1, 0.02, 0.1)), at=(0, 1, 0)))`."""
+        return np.flatnonzero(shape_row(shape).distance(shape, self.placed_points() - np.asarray(at, np.float64)) < 0.0)
 
     @property
     def materials(self) -> tuple:

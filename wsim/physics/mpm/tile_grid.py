@@ -11,9 +11,9 @@ from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.fast_paths.threads import DOOR, FORMED
 from wsim.kernels.motion.fast_paths.threads import MOST as MOST_THREADS
+from wsim.kernels.particles.mpm.actions.flow import birth_table
 from wsim.kernels.particles.mpm.cpu.steps import QUEUES, block_step_kernels, step_table, team_kernel
 from wsim.kernels.particles.mpm.cpu.tiles import NODES
-from wsim.kernels.particles.mpm.flow import birth_table
 from wsim.kernels.particles.mpm.tables import CELLS
 from wsim.kernels.particles.mpm.transfers import node_kernel, sorted_kernels
 from wsim.model.structs import fill_struct

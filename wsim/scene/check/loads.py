@@ -30,9 +30,9 @@ def check_load(thing: Load, scene: Scene) -> Iterator[Problem]:
     if named.size == 0:
         yield thing_error(path, "it acts on nothing", "at least one point or triangle", "name some, or remove it")
         return
-    bad = (named < 0) | (named >= len(body.points))
+    bad = (named < 0) | (named >= body.point_count)
     if bad.any():
-        yield thing_error(path, f"it loads point {named[bad][0]} of {body.path}", f"0 to {len(body.points) - 1}",
+        yield thing_error(path, f"it loads point {named[bad][0]} of {body.path}", f"0 to {body.point_count - 1}",
                            "count from 0, in the order of the mesh's points")
     elif thing.triangles is not None:
         yield from _check_load_triangles(thing, thing.triangles, body)

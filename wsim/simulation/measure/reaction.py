@@ -197,9 +197,10 @@ def reactions_in_all_worlds(sim, path: str) -> np.ndarray:
 
 def reactions_of_pin(sim, path: str | None = None, world: int = 0) -> np.ndarray:
     """Reaction forces as `Simulation.reactions` returns them."""
-    strands = sim.plan.ports.strand_reactions
-    if strands and (strands.takes(path) or path is None and not sim.model.scene.pins and len(strands.paths()) == 1):
-        return strands.of(path or strands.paths()[0], world, sim.time)
+    ports = sim.plan.ports
+    for own in (ports.strand_reactions, ports.grid_reactions):
+        if own and (own.takes(path) or path is None and not sim.model.scene.pins and len(own.paths()) == 1):
+            return own.of(path or own.paths()[0], world, sim.time)
     if not sim.model.scene.pins:
         raise SceneError(no_pin(sim.model, path, world))
     return current_reactions(sim).of(path, world)

@@ -29,7 +29,7 @@ def load_applied_force(reading: StageReading, prim: Usd.Prim, bodies: dict[str, 
     if body is None:
         there = ", ".join(dict.fromkeys(b.path for b in bodies.values())) or "there is none"
         reading.fail(path, f"{names.LOADED} names {', '.join(targets) or 'nothing'}; allowed is one cloth, spring net, soft "
-                     f"body or BasisCurves of rods that is simulated ({there})")
+                     f"body, BasisCurves of rods or material points that are simulated ({there})")
         return None
     kinds = [name for name in ("force", "traction") if is_authored(prim, "Load", name)]
     if len(kinds) != 1:

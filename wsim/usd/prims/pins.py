@@ -49,8 +49,9 @@ def load_pin(reading: StageReading, prim: Usd.Prim, bodies: dict[str, PointObjec
         return None
     body = bodies.get(source)
     if body is None:
-        reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth, spring net or soft "
-                     f"body ({', '.join(dict.fromkeys(b.path for b in bodies.values())) or 'there is none'}); it is left out"
+        reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth, spring net, soft "
+                     f"body, rods or material points"
+                     f" ({', '.join(dict.fromkeys(b.path for b in bodies.values())) or 'there is none'}); it is left out"
                      ) if not _is_missing_prim(reading, source) else reading.fail(
                      path, f"{names.SRC0} names {source or 'nothing'}, which does not exist; name a simulation mesh")
         return None
@@ -89,12 +90,12 @@ def is_followed(reading: StageReading, prim: Usd.Prim) -> bool:
 
 def _follow_mesh(reading: StageReading, prim: Usd.Prim, pin: Pin, body: PointObject, kind: str) -> bool:
     """Sets the places on a skinned mesh that the pin holds points at; False if they are broken (reported)."""
-    if ((pin.points < 0) | (pin.points >= len(body.points))).any():
-        reading.fail(prim.GetPath(), f"physics:indices0 holds numbers outside of 0 to {len(body.points) - 1}; name points of "
+    if ((pin.points < 0) | (pin.points >= body.point_count)).any():
+        reading.fail(prim.GetPath(), f"physics:indices0 holds numbers outside of 0 to {body.point_count - 1}; name points of "
                      f"{body.path}")
         return False
     pin.target = _forwarded_target(prim, names.SRC1)
-    x = body.motion.points(body.points[pin.points])
+    x = body.placed_points()[pin.points]
     pin.follows = method_file("Skeleton", "usd").hang(reading, prim, reading.stage.GetPrimAtPath(pin.target), kind, x)
     return pin.follows is not None
 
@@ -171,7 +172,7 @@ def _carrying_rigid_body(reading: StageReading, xform: Usd.Prim) -> str:
 
 def _pin_local_positions(pin: Pin, body: PointObject) -> np.ndarray:
     """Where the held points are at the start, in the target's frame [m], (k, 3)."""
-    world = body.motion.points(body.points[pin.points])
+    world = body.placed_points()[pin.points]
     M = pin.motion.at(0.0)
     return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
 
@@ -179,7 +180,7 @@ def _pin_local_positions(pin: Pin, body: PointObject) -> np.ndarray:
 def _coords_are_derived(prim: Usd.Prim, pin: Pin, body: PointObject, units: StageUnits) -> bool:
     """True if coords1 were written only for other readers and still agree with the points."""
     attribute = prim.GetAttribute("physics:coords1")
-    inside = np.all((pin.points >= 0) & (pin.points < len(body.points)))
+    inside = np.all((pin.points >= 0) & (pin.points < body.point_count))
     if pin.places is None or not attribute.GetCustomDataByKey(DERIVED) or not inside:
         return False
     if len(pin.places) != len(pin.points) or not np.isfinite(body.motion.values).all():

@@ -11,24 +11,17 @@ from wsim.kernels.particles.mpm.coupling.contact import contact_functions
 from wsim.kernels.particles.mpm.coupling.tables import push_tables
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
-from wsim.kernels.particles.mpm.transfers import gather_function, node_function
+from wsim.kernels.particles.mpm.transfers import gather_function
 
 
 @cache
 def push_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real, module) -> SimpleNamespace:
-    """gather_nodes, sense_nodes, push_nodes over nodes of all blocks: momentum and mass, then the velocity at the end of the
-    step and 1 where something is near; push_particles over rows of the order, when they have moved. clock: h, time [s]."""
+    """sense_nodes, push_nodes over nodes of all blocks, which have momentum and mass: the velocity at the end of the step and 1
+    where something is near; push_particles over rows of the order, when they have moved. clock: h, time [s]."""
     t, T, tables = types(real), point_tables(real), push_tables(real)
     gather_velocity, meshes = gather_function(cpu, real), "forming" in kinds
-    gather = node_function(real)
     meet, local = contact_functions(kinds, real), block_functions(real).local_cell
     shift = motion_functions(laws, real).shift_particle
-
-    def gather_nodes(g: T.BlockGrid, sums: wp.array2d(dtype=t.vec4), node_out: wp.array(dtype=t.vec4)):
-        n = wp.tid()
-        b = n // CELLS
-        if b < wp.min(g.used[0], g.key.shape[0]):
-            node_out[n] = gather(g, sums, b, n % CELLS)
 
     @wp.func
     def free_velocity(g: T.BlockGrid, materials: T.MaterialRows, n: int, sum: t.vec4, h: real):
@@ -92,5 +85,5 @@ def push_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real,
 
     made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join((*kinds, *laws))}_{'cpu_' * cpu}{t.name}",
                                   module=module, enable_backward=False)
-            for k in (gather_nodes, sense_nodes, push_nodes, push_particles)}
+            for k in (sense_nodes, push_nodes, push_particles)}
     return SimpleNamespace(**made)

@@ -16,10 +16,10 @@ from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.fast_paths.thread_team import Team, join, leave, meet, since, together
 from wsim.kernels.motion.fused.body import MODULE, kernel_body
+from wsim.kernels.particles.mpm.actions.flow import birth_kernels, birth_table, sink_kernel
 from wsim.kernels.particles.mpm.blocks import EMPTY, block_kernels
 from wsim.kernels.particles.mpm.cpu.atomics import shared_add
 from wsim.kernels.particles.mpm.cpu.tiles import tile_transfers
-from wsim.kernels.particles.mpm.flow import birth_kernels, birth_table, sink_kernel
 from wsim.kernels.particles.mpm.steps import MOST, step_kernels
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernels
@@ -46,7 +46,7 @@ def step_table(real):
         going: wp.array(dtype=int)
         word: wp.array(dtype=int)
         queue: wp.array(dtype=int)         # rows that threads have come for, (QUEUES + 1,)
-        births: int                        # threads that look for what comes, see kernels/particles/mpm/flow.py
+        births: int                        # threads that look for what comes, see kernels/particles/mpm/actions/flow.py
 
     return SharedSteps
 

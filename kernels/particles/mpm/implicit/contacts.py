@@ -18,20 +18,23 @@ from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.faces import face_functions
 from wsim.kernels.particles.mpm.implicit.granular_tables import CONTACTS, granular_tables
 
 REACH = wp.constant(2.0)           # cells from a collider in which a corner may touch it within a step
 FAR = wp.constant(5.0)             # cells from all colliders, beyond which a particle of the cell meets none in a step
 ON = wp.constant(0.01)             # cells: corners so near are within
 HALF = wp.constant(0.5)            # of an open mesh, which has no inside
+OUTSIDE = wp.constant(3.0)         # times the mean way from a corner to particles of its eight cells: 1.5 cells off a plane
 
 
 @cache
 def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
-    """find_contacts(colliders, place, time, dx, row, contacts) -> their number, -1: none is near.
+    """find_contacts(colliders, place, mean way to matter [cells], time, dx, row, contacts) -> their number, -1: none is near.
+    A solid is asked from where the matter is, as in faces.py.
     hold_corner(contacts, row, count, v, h) -> v, and the part of a push along each axis that the corner is free to follow."""
     t, Colliders, Contacts = types(real), collider_type(real), granular_tables(real).CornerContacts
-    ask = collider_queries(kinds or ("sphere",), real)
+    ask, faces = collider_queries(kinds or ("sphere",), real), face_functions(kinds, real)
 
     @wp.func
     def farthest_contact(contacts: Contacts, row: int, count: int, gap: real):
@@ -47,7 +50,7 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return place
 
     @wp.func
-    def find_contacts(c: Colliders, y: t.vec3, time: real, dx: real, row: int, contacts: Contacts):
+    def find_contacts(c: Colliders, y: t.vec3, side: t.vec3, time: real, dx: real, row: int, contacts: Contacts):
         count = int(-1)
         for k in range(c.kind.shape[0]):
             phi, n, p = ask.closest(c, k, y, time)
@@ -56,6 +59,13 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 surface = real(ON) * dx
                 if c.kind[k] == SHEET:
                     surface = real(HALF) * dx
+                elif phi < real(REACH) * dx:
+                    a = y + (real(OUTSIDE) * dx) * side
+                    far, m, q = ask.closest(c, k, a, time)
+                    if far > real(0.0):                        # the face that matter touches
+                        m, q = faces.pass_seam(c, k, a, m, q, time, dx)
+                        n = m
+                        phi = wp.dot(y - q, m)
                 if phi < real(REACH) * dx:
                     gap = wp.max(phi - surface, real(0.0))
                     place = farthest_contact(contacts, row, count, gap)

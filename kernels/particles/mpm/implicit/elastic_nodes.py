@@ -1,7 +1,7 @@
 """Nodes of implicit elastic steps: velocities without stress, and the colliders that they are within.
 
 A node within a collider that is pressed keeps its normal velocity. Coulomb friction is a drag, see elastic_solve.py. Between
-two colliders that press it, a node stays with the deeper one.
+two colliders that press it, a node stays with the deeper one; without friction it is free along the edge of both.
 """
 
 from functools import cache
@@ -11,14 +11,16 @@ import warp as wp
 
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
-from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.mpm.faces import HALF
+from wsim.kernels.particles.mpm.faces import face_functions
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
 from wsim.kernels.particles.mpm.transfers import node_function
-from wsim.kernels.particles.mpm.walls import NEAR, ON, wall_functions
+from wsim.kernels.particles.mpm.walls import ON, wall_functions
 
-OUTSIDE, FREE, SLIDES, STICKS = -1.0, 0.0, 1.0, 2.0    # of a node: outside of colliders, not pressed, pressed, between two
+OUTSIDE, FREE, SLIDES = -1.0, 0.0, 1.0     # of a node: outside of colliders; not pressed; pressed
+STICKS, EDGES = 2.0, 3.0                   # pressed by several, or held by a pin; by two that do not rub: free along their edge
+
+LIKE = wp.constant(1.0e-4)         # square of the sine between normals, below which two faces are one
 
 
 @cache
@@ -64,6 +66,8 @@ def solve_functions(real) -> SimpleNamespace:
             found = t.vec3()
         elif hold[3] == real(SLIDES):
             found = a - wp.dot(a, n) * n
+        elif hold[3] == real(EDGES):
+            found = wp.dot(a, n) * n
         return found
 
     @wp.func
@@ -78,27 +82,31 @@ def start_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
     """Kernel over nodes: velocities without stress, and the collider that each is within."""
     t, T, N, Colliders = types(real), point_tables(real), node_rows(real), collider_type(real)
     gather, wall, f, walls = node_function(real), wall_functions(kinds, real), solve_functions(real), bool(kinds)
-    ask = collider_queries(kinds or ("sphere",), real)
+    ask, faces = collider_queries(kinds or ("sphere",), real), face_functions(kinds, real)
 
     @wp.func
-    def find_wall(c: Colliders, y: t.vec3, time: real, dx: real, v: t.vec3, mass: real, n: int, nodes: N):
-        """v, held by the deepest collider; its row is kept."""
-        near = real(0.0)
+    def find_wall(c: Colliders, g: T.BlockGrid, n: int, time: real, v: t.vec3, mass: real, nodes: N):
+        """v, held by the deepest of the faces that matter touches (faces.py); its row is kept."""
+        y = wall.node_place(g, n // CELLS, n % CELLS)
+        met, near = wall.meets_node(c, y, time, g.dx)
+        side = t.vec3()
+        if met:
+            side = faces.matter_side(g, n // CELLS, n % CELLS)
         state = real(OUTSIDE)
         deepest = real(1.0e30)
         normal = t.vec3()
+        rubs = bool(False)
         held = v
         for k in range(c.kind.shape[0]):
-            phi, m, p = ask.closest(c, k, y, time)
-            if phi < real(NEAR) * dx:
-                near = real(1.0)
-            surface = real(ON) * dx
-            if c.kind[k] == SHEET:
-                surface = real(HALF) * dx
-            if phi <= surface:
+            holds, m, p = faces.holding_face(c, k, y, side, time, g.dx, real(ON))
+            phi = wp.dot(y - p, m)
+            if met and holds:
                 u = ask.rate(c, k, y, time)
                 into = wp.dot(held - u, m)
-                both = state > real(FREE) and into < real(0.0)
+                before = state
+                edge = wp.cross(normal, m)                     # of two faces; of one that goes on in another row it is 0
+                both = state > real(FREE) and into < real(0.0) and wp.length_sq(edge) > real(LIKE)
+                rubs = rubs or c.friction[k][0] > real(0.0)
                 if phi < deepest:
                     deepest = phi
                     normal = m
@@ -108,11 +116,17 @@ def start_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
                 if into < real(0.0):
                     nodes.load[n] = -mass * into
                     held -= into * m
-                    state = real(SLIDES)
+                    state = wp.max(state, real(SLIDES))
                 if both:                                       # a corner of two: it stays with the deeper
+                    slip = v - f.head(nodes.wall[n])
                     held = f.head(nodes.wall[n])
-                    state = real(STICKS)
                     nodes.rub[n] = real(1.0e30)
+                    if rubs or before > real(SLIDES):
+                        state = real(STICKS)
+                    else:
+                        state = real(EDGES)
+                        normal = wp.normalize(edge)
+                        held += wp.dot(slip, normal) * normal
         nodes.hold[n] = f.row(normal, state)
         return held, near
 
@@ -136,7 +150,7 @@ def start_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
             v = f.head(sum) / sum[3] + clock[0] * materials.gravity[world]
             star = f.row(v, sum[3])
             if wp.static(walls):
-                v, near = find_wall(c, wall.node_place(g, b, n % CELLS), clock[0] + clock[1], g.dx, v, sum[3], n, nodes)
+                v, near = find_wall(c, g, n, clock[0] + clock[1], v, sum[3], nodes)
             if nodes.hold[n][3] == real(OUTSIDE):              # the first guess: what rests goes on so
                 v = f.head(sum) / sum[3]
         nodes.star[n] = star

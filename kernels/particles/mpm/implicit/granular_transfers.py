@@ -60,6 +60,24 @@ def sand_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
             open += real(0.25) * wp.dot(u, s)
         return v, C / dx, open / dx, near
 
+    @wp.func
+    def matter_side(g: T.BlockGrid, b: int, at: int):
+        """Mean way from a corner to the particles of its eight cells [cells]."""
+        sum = t.vec3()
+        count = int(0)
+        cells_about = int(8)
+        for n in range(cells_about):
+            s = wp.vec3i(n // 4, (n // 2) % 2, n % 2)
+            i = at // 16 - s[0]
+            j = (at // 4) % 4 - s[1]
+            k = at % 4 - s[2]
+            other = g.near[27 * b + (9 * ((i >> 2) + 1) + 3 * ((j >> 2) + 1) + (k >> 2) + 1)]
+            if other >= 0:
+                m = g.count[other * CELLS + (16 * (i & 3) + 4 * (j & 3) + (k & 3))]
+                count += m
+                sum += real(m) * (t.vec3(real(0.5)) - t.vec3(real(s[0]), real(s[1]), real(s[2])))
+        return sum / real(wp.max(count, 1))
+
     def sum_corners(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid, cells: sand.SandCells):
         cell = wp.tid() // 8
         n = wp.tid() % 8
@@ -140,7 +158,7 @@ def sand_kernels(kinds: tuple[str, ...], real, module) -> SimpleNamespace:
             v = t.vec4(u[0], u[1], u[2], w)
             if wp.static(walls):
                 place = wall.node_place(g, b, at) - t.vec3(real(0.5) * g.dx)
-                count = contact.find_contacts(c, place, clock[0] + clock[1], g.dx, row, contacts)
+                count = contact.find_contacts(c, place, matter_side(g, b, at), clock[0] + clock[1], g.dx, row, contacts)
         corners.count[row] = count
         corners.free[row] = t.vec3(v[3])
         if count > 0:

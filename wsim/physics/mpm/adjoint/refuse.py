@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from wsim.kernels.particles.mpm.adjoint.law_table import BACK
+from wsim.physics.mpm.actions.choice import loads_on_points
 from wsim.scene import Scene, solids
 from wsim.scene.values.coverage import gradient_refusal
 
@@ -23,6 +24,9 @@ def refuse_underivable(method: Any, scene: Scene) -> None:
     if method.flow:
         poured = next(thing for thing in (*method.things, *scene.things("MaterialSink")) if getattr(thing, "pour", True))
         raise gradient_refusal("grown", poured.path, what="has particles that come or go", fix="leave out what pours and takes")
+    if method.acts:
+        acting = [*(pin for thing in method.things for pin in thing.pins), *loads_on_points(scene), *method.things]
+        raise gradient_refusal("grown", acting[0].path, what="has loads, pins or air that acts on it", fix="leave them out")
     for thing in method.things:
         if thing.material.law not in BACK:
             raise gradient_refusal("law", thing.path, name="law", law=thing.material.law)

@@ -7,6 +7,7 @@ import numpy as np
 from wsim.model.stage import Stage
 from wsim.physics.contact.collider.shells import body_shells, obstacle_sheets
 from wsim.physics.contact.collider.table import ColliderTable, kind_names
+from wsim.physics.mpm.actions.choice import action_traits
 from wsim.physics.mpm.implicit.choice import chosen_integrator
 from wsim.physics.mpm.objects import MaterialPoints
 
@@ -16,7 +17,7 @@ def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
     return tuple(sorted({material.law for thing in things for material in thing.materials}))
 
 
-def grid_class(things: list[MaterialPoints], fps: float, model: Any, pushes: bool) -> Any:
+def grid_class(things: list[MaterialPoints], scene: Any, model: Any, pushes: bool) -> Any:
     """The class of the grid that takes the steps of a scene's bodies. Explicit steps alone have gradients, and are taken for
     them unless implicit ones are asked for. pushes: what pushes takes explicit steps."""
     gradients = model.gradients
@@ -24,9 +25,9 @@ def grid_class(things: list[MaterialPoints], fps: float, model: Any, pushes: boo
     if pushes:
         from wsim.physics.mpm.coupling.grid import PushingGrid
         return PushingGrid
-    if chosen_integrator(things, fps) == "explicit" or gradients and not asked:
+    if chosen_integrator(things, scene.fps) == "explicit" or gradients and not asked:
         from wsim.physics.mpm import grid
-        if grid.gathers(model.device):
+        if grid.gathers(model.device) or any(action_traits(scene)):
             return grid.SparseGrid
         from wsim.physics.mpm.tile_grid import TileGrid
         return TileGrid
@@ -47,7 +48,16 @@ def signature(b: Any) -> list:
     things, sinks = b.scene.things("MaterialPoints"), b.scene.things("MaterialSink")
     pushed = pushed_things(b.model)
     return [law_names(things), chosen_integrator(things, b.scene.fps, bool(pushed)), any(thing.pour for thing in things),
-            kind_names(sinks), kind_names(pushed)]
+            kind_names(sinks), kind_names(pushed), action_traits(b.scene)]
+
+
+def make_actions(method: Any, b: Any) -> Any:
+    """What acts on the particles of a method from outside, `wsim.physics.mpm.actions.outside.OutsideActions`, or None."""
+    if not any(action_traits(b.scene)):
+        return None
+    from wsim.physics.mpm.actions.outside import OutsideActions
+    method.offers.grid_reactions = acts = OutsideActions(method, b)
+    return acts
 
 
 def make_walls(method: Any, b: Any) -> tuple[Any, Any]:

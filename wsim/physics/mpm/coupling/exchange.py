@@ -162,8 +162,6 @@ class Exchange:
         """Launches what moves the nodes of a step: bodies first find the velocity that they have with what presses on them."""
         k, clock, step = self.by_node, grid.clock, [self.own, self.walls, grid.clock]
         over = CELLS * grid.blocks
-        if grid.gathers:
-            grid.launch(k.gather_nodes, over, [grid.grid, grid.sums, grid.nodes])
         if self.bodies:
             self._over_bodies(self.by_body.begin_bodies, *step)
             self._place_shapes(clock)

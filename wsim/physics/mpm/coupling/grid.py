@@ -5,8 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.particles.mpm.tables import CELLS
-from wsim.kernels.particles.mpm.transfers import cell_kernel, particle_kernel, sorted_kernels
+from wsim.kernels.particles.mpm.transfers import cell_kernel, gather_kernel, particle_kernel, sorted_kernels
 from wsim.physics.mpm.grid import SparseGrid
 
 
@@ -30,6 +29,7 @@ class PushingGrid(SparseGrid):
         momentum = sorted_kernels(real, module)
         self.sort_momentum = momentum.sort_momentum if self.gathers else momentum.scatter_momentum
         self.sum_cells = cell_kernel(real, module)
+        self.gather_nodes = gather_kernel(real, module) if self.gathers else None
         self.move_particles = particle_kernel((), laws, not self.gathers, real, module)      # the exchange holds them back
 
     def run_frame(self, dt: float, word: Any) -> None:
@@ -39,16 +39,17 @@ class PushingGrid(SparseGrid):
 
     def take_step(self, dt: float, word: Any) -> None:
         self.sort_cells(word)
-        g, points, materials = self.grid, self.points, self.materials
-        if not self.gathers:
-            self.nodes.zero_()
-        self.launch(self.sort_momentum, self.count,
-                    [points, materials, g, self.clock, self.rows if self.gathers else self.nodes])
-        if self.gathers:
-            self.launch(self.sum_cells, 32 * CELLS * self.blocks, [g, self.rows, self.sums])
+        g, points, materials, acts = self.grid, self.points, self.materials, self.acts
+        if acts:
+            acts.begin_step(self)
+        self.give_momentum()
         self.exchange.push_nodes(self)
+        if acts:
+            acts.hold_velocity(self)
         self.launch(self.move_particles, self.count,
                     [g, self.nodes, materials, self.wall_rows, self.clock, points, word, self.pace])
         self.exchange.push_particles(self)
+        if acts:
+            acts.end_step(self)
         self.launch(self.by_step.next_step, 1,
                     [self.real(dt), self.blocks, self.more, self.pace, self.clock, self.going, word])

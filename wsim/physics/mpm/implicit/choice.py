@@ -41,8 +41,10 @@ def has_implicit_steps(things: list[MaterialPoints]) -> bool:
 
 def chosen_integrator(things: list[MaterialPoints], fps: float, pushes: bool = False) -> str:
     """"explicit" or "implicit", for all bodies of a scene: what they ask for; else implicit where it is known and a frame would
-    take many explicit steps. pushes: they push rigid bodies, cloth or soft bodies, which takes explicit steps."""
+    take many explicit steps. pushes: they push rigid bodies, cloth or soft bodies, which takes explicit steps; pins of sand do
+    so too."""
     asked = {thing.integrator for thing in things} - {"auto"}
+    pushes |= any(thing.pins for thing in things) and things[0].material.law == "sand"
     if asked or pushes:
         return "explicit" if pushes else asked.pop()
     most = max(explicit_steps(material, things[0].cell, fps)[0] for material in materials_of(things))

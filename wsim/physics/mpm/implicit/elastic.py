@@ -40,8 +40,9 @@ class ElasticGrid(explicit.SparseGrid):
         self.by_node, self.dot_nodes = solve_kernels(cpu, real, module), dot_kernel(cpu, real, module)
         self.precondition_nodes = precondition_kernel(real, module)
         self.by_decision = decision_kernels(real, self.model.module_of(SUMMERS) if self.cuda else module)
+        held = bool(self.acts and self.acts.hard)
         self.number, self.still = self.zeros(6, wp.float64), self.zeros(2)
-        self.flag = wp.array([0, 0, 0, 0, MOST_STEPS, 0, int(bool(kinds))], dtype=int, device=self.model.device)
+        self.flag = wp.array([0, 0, 0, 0, MOST_STEPS, 0, int(bool(kinds) or held)], dtype=int, device=self.model.device)
         self.newton, self.gradients, self.turns, self.last = self.flag[:1], self.flag[1:2], self.flag[2:3], self.number[5:]
         self.by_shift = shift_kernels(cpu, real, module, self.model.module_of(SUMMERS) if self.cuda else module)
         self.shift = self.zeros(self.model.worlds, types(real).vec4)
@@ -68,6 +69,8 @@ class ElasticGrid(explicit.SparseGrid):
     def run_frame(self, dt: float, word: Any) -> None:
         real = self.real
         self.pace.zero_()
+        if self.acts:
+            self.acts.begin_frame(self)
         threads = min(self.count, explicit.MEASURERS if self.cuda else 1)
         self.launch(self.by_finish.measure_motion, threads,
                     [self.points, self.materials, real(self.dx), real(dt), threads, self.pace])
@@ -79,16 +82,22 @@ class ElasticGrid(explicit.SparseGrid):
     def take_step(self, dt: float, word: Any) -> None:
         self.sort_cells(word)
         g, points, materials, nodes = self.grid, self.points, self.materials, CELLS * self.blocks
+        if self.acts:
+            self.acts.begin_step(self)
         if self.gathers:
             self.launch(self.by_node.rank_blocks, self.blocks, [g, self.rank])
         self._transfer(self.sort_momentum, [points, materials, g, self.still])
         self.launch(self.start_nodes, nodes, [g, self.sums, materials, self.wall_rows, self.clock, self.solve])
+        if self.acts:
+            self.acts.hold_solve(self)
         self.turns.zero_()
         self.newton.fill_(1)
         self.last.fill_(1e30)
         wp.capture_while(self.newton, self.newton_step)
         self.launch(self.by_finish.finish_points, self.count,
                     [g, self.solve.v, materials, self.wall_rows, self.clock, points, word, self.pace])
+        if self.acts:
+            self.acts.end_step(self)
         self.launch(self.by_step.next_step, 1,
                     [self.real(dt), self.blocks, self.more, self.pace, self.clock, self.going, word])
 

@@ -65,6 +65,8 @@ class GranularGrid(explicit.SparseGrid):
 
     def take_step(self, dt: float, word: Any) -> None:
         self.sort_cells(word)
+        if self.acts:
+            self.acts.begin_step(self)
         k, g, points, materials, corners = self.by_grain, self.grid, self.points, self.materials, CELLS * self.blocks
         self.launch(k.sum_corners, 8 * corners, [points, materials, g, self.cells])
         self.launch(k.average_cells, corners, [points, materials, g, self.cells])

@@ -10,9 +10,10 @@ from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.contact.collider.shells import body_shells
 from wsim.physics.mpm.objects import MaterialPoints, MaterialSink
 from wsim.physics.mpm.seeding import coarsened, place_particles
+from wsim.physics.mpm.sources.check_shapes import check_volume_shape
 from wsim.physics.mpm.sources.pouring import PouringShape
 from wsim.scene import Problem, Scene, Surface, solids
-from wsim.scene.check.objects import check_number, check_rigid_motion, check_surface, object_warning, thing_error, three_digits
+from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error, three_digits
 from wsim.scene.solids import shape_row
 
 LOOKS = 64               # cells across a shape, at most, when its particles are looked at
@@ -31,7 +32,7 @@ def check_pour(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
         yield thing_error(path, "it pours, and has a spin, further materials or colours of each point",
                            "one material and colour", "leave them out")
     yield from check_number(path, "start of its pour", pour.start, -inf)
-    if not pour.end > pour.start:
+    if not pour.end > pour.start and pour.start == pour.start:
         yield thing_error(path, f"it pours from {pour.start:g} s to {pour.end:g} s", "an end after the start",
                            "give another end")
     if pour.rate is not None and not (isfinite(pour.rate) and pour.rate > 0.0):
@@ -58,10 +59,9 @@ def check_pour(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
 
 def check_sink(thing: MaterialSink, scene: Scene) -> Iterator[Problem]:
     """Problems of a sink."""
-    if isinstance(thing.shape, Surface):
-        found = check_surface(thing.shape, thing.path)
-        yield from found
-    elif not isinstance(thing.shape, tuple(each.shape for each in solids.SOLIDS)):
+    if isinstance(thing.shape, Surface) or type(thing.shape) in [each.shape for each in solids.SOLIDS]:
+        yield from check_volume_shape(thing.path, thing.shape)
+    else:
         yield thing_error(thing.path, f"its shape is a {type(thing.shape).__name__}",
                            "a Plane, a closed shape or a closed Surface", "give it one of these")
     yield from check_rigid_motion(thing.path, thing.motion, "put the scale into the shape's sizes")

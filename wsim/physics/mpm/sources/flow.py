@@ -1,4 +1,4 @@
-"""What pours in and what sinks take, on the device (kernels/particles/mpm/flow.py): the table of births, and launches.
+"""What pours in and what sinks take, on the device (kernels/particles/mpm/actions/flow.py): the table of births, and launches.
 
 Rows are reserved for all that comes while the scene's frames run. A run that goes on gets rows for half as many frames more,
 before the first frame that needs them: that is the only frame which is captured anew.
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wsim.kernels.particles.mpm.flow import birth_kernels, birth_table, sink_kernel
+from wsim.kernels.particles.mpm.actions.flow import birth_kernels, birth_table, sink_kernel
 from wsim.model.model import Model
 from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable

@@ -23,9 +23,10 @@ from wsim.physics.mpm.usd.points import (
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute
+from wsim.usd.prims.pins import author_pin
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
-OWN, POURS = ("cell", "velocity", "spin", "integrator"), ("pour_start", "pour_end", "pour_rate")
+OWN, POURS = ("cell", "velocity", "spin", "drag", "integrator"), ("pour_start", "pour_end", "pour_rate")
 
 
 def load(reading: StageReading, prim: Usd.Prim) -> MaterialPoints | MaterialSink | None:
@@ -137,8 +138,10 @@ def author(stage: Usd.Stage, thing: MaterialPoints | MaterialSink, units: StageU
                 write_value(prim, "MaterialPoints", name, value, units)
     for field in OWN:
         value = getattr(thing, field)
-        if field == "cell" or field == "integrator" and value != "auto" or np.shape(value) == (3,) and np.any(value):
+        if field == "cell" or (value != "auto" if field == "integrator" else np.ndim(value) < 2 and np.any(value)):
             write_value(prim, "MaterialPoints", field, value, units)
+    for pin in thing.pins:
+        author_pin(stage, pin, thing, units, 0)
 
 
 def author_own_material(prim: Usd.Prim, material: Any, units: StageUnits) -> None:

@@ -60,6 +60,9 @@ def load_newton_points(reading: StageReading, prim: Usd.Prim) -> MaterialPoints 
             return None
     found = read_point_places(reading, prim)
     count, widths = len(found["points"]), found.get("widths")
+    if not count:
+        reading.fail(path, "it has no points; author point3f[] points, one or more")
+        return None
     if any(problem.fatal and problem.path == path for problem in reading.problems):
         return None
     if widths is None or not (np.isfinite(widths).all() and (widths > 0.0).all()):
@@ -136,6 +139,8 @@ def _read_cell(reading: StageReading, prim: Usd.Prim, body: Usd.Prim) -> float |
     if not owner or names.NEWTON_MPM_SCENE not in applied_schemas(owner):
         return None
     cell = _number(reading, owner, MPM + "voxelSize", "m", -inf)
+    if cell == 0.0:
+        reading.fail(owner.GetPath(), f"{MPM}voxelSize is 0; allowed is a length above 0; author another, or none")
     unread = [name for name in authored_names(owner, MPM) if name != MPM + "voxelSize" and not _is_usual(owner, name)]
     unread += authored_names(owner, "newton:maxSolverIterations")
     warn_unread(reading, owner, unread, "they set Newton's implicit solver; wsim takes explicit steps, with APIC transfers and "

@@ -51,7 +51,14 @@ def load_particle_set(reading: StageReading, prim: Usd.Prim) -> MaterialPoints |
         return None
     fluid, found = _flag(reading, prim, f"{SET}fluid", True), read_point_places(reading, prim)
     places = prim.GetAttribute(f"{SET}simulationPoints").Get(reading.start)
-    if places is not None and len(places) == len(found["points"]):
+    if places is not None and np.ndim(places) != 2:
+        kind = prim.GetAttribute(f"{SET}simulationPoints").GetTypeName()
+        reading.fail(f"{path}.{SET}simulationPoints", f"is of type {kind}; allowed is point3f[]: author it again with "
+                     "that type")
+    elif places is not None and len(places) != len(found["points"]):
+        reading.warn(path, f"has {len(places)} {SET}simulationPoints and {len(found['points'])} points: the points count; "
+                     "author as many")
+    elif places is not None:
         place = read_placement(reading, prim)
         found["points"] = place.frame[0][:3, 3] + np.array(places, np.float64) * reading.units.metres @ place.linear[0].T
     name, part = REST[fluid]
@@ -59,8 +66,7 @@ def load_particle_set(reading: StageReading, prim: Usd.Prim) -> MaterialPoints |
     radius = _length(reading, system, name) or part * contact
     volume = (2.0 * radius) ** 3
     material = _read_material(reading, system, prim, fluid)
-    mass = _own_number(reading, prim, "physics:mass", "kg")
-    density = _own_number(reading, prim, "physics:density", "kg/m^3")
+    mass, density = (_weight(reading, prim, name, unit) for name, unit in (("mass", "kg"), ("density", "kg/m^3")))
     if mass or density:
         material = replace(material, density=mass / (volume * max(len(found["points"]), 1)) if mass else density)              # type: ignore[arg-type]
     read = {f"{SET}{each}" for each in ("fluid", "particleSystem", "simulationPoints", "particleEnabled", "particleGroup")}
@@ -112,14 +118,28 @@ def _own_number(reading: StageReading, prim: Usd.Prim, name: str, unit: str) -> 
     return None if found is None or found == -inf else found
 
 
+def _weight(reading: StageReading, prim: Usd.Prim, name: str, unit: str) -> float | None:
+    """A mass or density above 0; None where none is authored, or 0, which stands for none."""
+    found = _own_number(reading, prim, f"physics:{name}", unit)
+    if found is not None and not 0.0 <= found < inf:
+        reading.fail(prim.GetPath(), f"physics:{name} is {found:g}; allowed is a finite number > 0, or 0 for none")
+        return None
+    return found
+
+
 def _length(reading: StageReading, prim: Usd.Prim | None, name: str) -> float | None:
     """A length [m] above 0; None where none is authored."""
     found = _own_number(reading, prim, name, "m") if prim else None
+    if prim and found is not None and not 0.0 <= found < inf:
+        reading.fail(prim.GetPath(), f"{name} is {found:g}; allowed is a finite length, or minus infinity for that of PhysX")
     return found if found is not None and found > 0.0 else None
 
 
 def _flag(reading: StageReading, prim: Usd.Prim, name: str, plain: bool) -> bool:
     found = prim.GetAttribute(name).Get(reading.start) if prim.HasAttribute(name) else None
+    if found is not None and not isinstance(found, bool):
+        reading.fail(f"{prim.GetPath()}.{name}", f"is of type {prim.GetAttribute(name).GetTypeName()}; allowed is bool: author "
+                     "it again with that type")
     return plain if found is None else bool(found)
 
 

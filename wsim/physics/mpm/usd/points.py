@@ -20,6 +20,8 @@ def read_point_places(reading: StageReading, prim: Usd.Prim) -> dict[str, Any]:
     place, points, metres = read_placement(reading, prim), UsdGeom.Points(prim), reading.units.metres
     L, local = place.linear[0], _array(points.GetPointsAttr(), reading.start, 3) * metres
     found: dict[str, Any] = {"points": place.frame[0][:3, 3] + local @ L.T}
+    if np.linalg.det(L) == 0.0:
+        reading.fail(prim.GetPath(), "its transform flattens it (a scale is zero); give it scales other than zero")
     for name, attribute, kind in (("velocity", points.GetVelocitiesAttr(), 3), ("ids", points.GetIdsAttr(), 1)):
         values = _array(attribute, reading.start, kind)
         if len(values) == len(local) > 0:
@@ -44,6 +46,9 @@ def read_display_colors(reading: StageReading, prim: Usd.Prim, count: int) -> np
     values = np.array((primvar.ComputeFlattened(reading.start) if primvar and primvar.HasValue() else None) or [], np.float64)
     if len(values) == 0:
         return None
+    if prim.IsA(UsdGeom.Points) and len(values) not in (1, count):
+        reading.warn(prim.GetPath(), f"has {len(values)} displayColor and {count} points: all get their mean; author 1 or "
+                     f"{count}")
     return values if len(values) == count != 1 else values.reshape(-1, 3).mean(axis=0)
 
 

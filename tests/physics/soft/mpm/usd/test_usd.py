@@ -10,7 +10,7 @@ import wsim
 from wsim.physics.mpm.objects import Granular, Jelly, Snow, Water
 from wsim.scene.samples import DROPS
 
-SAND = Path(__file__).parents[4] / "scenes/assets/mpm_sand.usda"
+SAND = Path(__file__).parents[5] / "scenes/assets/mpm_sand.usda"
 HEAD = '#usda 1.0\n(\n metersPerUnit = {metres}\n upAxis = "Y"\n timeCodesPerSecond = 60\n endTimeCode = 2\n)\n'
 
 

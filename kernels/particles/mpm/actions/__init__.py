@@ -1,0 +1,1 @@
+"""What acts on material points from outside: sources and sinks, loads, air, and pins."""

@@ -1,0 +1,1 @@
+"""What acts on material points from outside: loads, air and pins."""
