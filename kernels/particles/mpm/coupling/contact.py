@@ -17,6 +17,7 @@ import warp as wp
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.coupling.balance import balance_functions
 from wsim.kernels.particles.mpm.coupling.impulses import impulse_functions
 from wsim.kernels.particles.mpm.coupling.tables import push_tables
 from wsim.kernels.particles.mpm.faces import BEYOND, HALF, face_functions
@@ -35,14 +36,15 @@ FAR = wp.constant(8.0)             # cells: meshes that nodes have met are neare
 @cache
 def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
     """push_node(walls, grid, node, world, v, m, clock) -> (v, 1 where something is near, what meshes took of v); sense_node
-    alike adds what the bodies' response needs; push_particle(walls, world, y, way, v, what meshes took of v at nodes and mass,
-    clock, share) -> (way, v). Lengths [m].
+    alike adds what the bodies' response needs; push_particle(walls, world, y, way, v, what meshes took of v at nodes and of its
+    gradients a cell, below them the mass, clock, share) -> (way, v). Lengths [m].
 
     What nodes lose to a mesh, their particles lose: each gives its part to what is nearest to it, so that points of the mesh
     which take an impulse are those that carry its particles (surfaces.py)."""
     t, T, tables = types(real), point_tables(real), push_tables(real)
     meshes = "forming" in kinds
     ask, give = collider_queries(kinds, real), impulse_functions(kinds, real)
+    balance = balance_functions(real)
     wall, faces = wall_functions(kinds, real), face_functions(kinds, real)
 
     @wp.func
@@ -202,12 +204,13 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return gone, slow, met, lost
 
     @wp.func
-    def push_particle(w: tables.Walls, world: int, y: t.vec3, way: t.vec3, v: t.vec3, took: t.vec4,
+    def push_particle(w: tables.Walls, world: int, y: t.vec3, way: t.vec3, v: t.vec3, took: t.mat44,
                       clock: wp.array(dtype=real), share: int):
-        m = took[3]
+        m = took[3, 0]
         gone, slow, met, lost = walk_particle(w, world, y, way, v, clock)
         slides = int(SLIDES)
-        left = m * t.vec3(took[0], took[1], took[2])           # of meshes, which the nearest gets
+        part = m * t.vec3(took[0, 0], took[1, 0], took[2, 0])
+        left = part                                            # of meshes, which the nearest gets
         for slide in range(slides + 1):
             k = met[slide]
             if k >= 0:
@@ -222,7 +225,12 @@ def contact_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
             if wp.dot(left, left) > real(0.0):
                 k, q = give.nearest_mesh(w, world, y + gone, clock[1] + clock[0], real(FAR) * w.pushed.dx)
                 if k >= 0:
-                    give.give_mesh(w, k, q, left)
+                    at = ask.world(w.table, k, give.give_mesh(w, k, q, left), real(0.5) * w.pushed.dt)
+                    curl = t.vec3(took[2, 2] - took[1, 3], took[0, 3] - took[2, 1], took[1, 1] - took[0, 2])
+                    D = (m * w.pushed.dx) * curl + wp.cross(y - at, left) + wp.cross(gone, left - part)
+                    if met[0] == k:
+                        D -= m * wp.cross(gone - way, v)
+                    balance.add_lack(w, k, D)
         return gone, slow
 
     return SimpleNamespace(push_node=push_node, sense_node=sense_node, push_particle=push_particle)

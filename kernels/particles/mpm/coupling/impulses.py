@@ -56,8 +56,9 @@ def impulse_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
 
     @wp.func
     def give_mesh(w: tables.Walls, k: int, q: t.vec3, J: t.vec3):
-        """The corners of the triangle nearest to q, in the frame of the mesh, get their parts of the impulse."""
+        """The corners of the triangle nearest to q, in the frame of the mesh, get their parts of the impulse; returns where."""
         mesh = w.table.mesh[k]
+        place = q
         near = wp.mesh_query_point_no_sign(mesh, wp.vec3f(q), float(1.0e9))
         if near.result:
             unit = momentum_unit(w, w.pushed.dt)
@@ -72,6 +73,9 @@ def impulse_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 at = 3 * (w.pushed.first[k] + wp.mesh_get_index(mesh, 3 * near.face + c))
                 for a in range(3):
                     wp.atomic_add(w.pushed.point, at + a, wp.int64(wp.rint(wp.float64(part[a]) / unit)))
+            on = wp.mesh_eval_position(mesh, near.face, near.u, near.v)
+            place = t.vec3(real(on[0]), real(on[1]), real(on[2]))
+        return place
 
     @wp.func
     def add_response(w: tables.Walls, b: int, y: t.vec3, K: t.mat33, v: t.vec3, h: real, share: int):

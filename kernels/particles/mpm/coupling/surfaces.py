@@ -20,6 +20,7 @@ from wsim.kernels.contact.collider.segment import segment_queries
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.coupling.balance import balance_functions
 from wsim.kernels.particles.mpm.coupling.impulses import impulse_functions
 from wsim.kernels.particles.mpm.coupling.tables import FINE, push_tables
 from wsim.kernels.particles.mpm.motion import motion_functions
@@ -56,9 +57,9 @@ def surface_tables(real) -> SimpleNamespace:
 
 @cache
 def surface_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], real, module) -> SimpleNamespace:
-    """attach_particles, release_particles over particles; load_points, unload_points over points of meshes."""
+    """attach_particles, release_particles, turn_particles over particles; load_points, unload_points over points of meshes."""
     t, T, tables, own = types(real), point_tables(real), push_tables(real), surface_tables(real)
-    nearest_mesh = impulse_functions(kinds, real).nearest_mesh
+    nearest_mesh, balance = impulse_functions(kinds, real).nearest_mesh, balance_functions(real)
     ask, shape, shift = (collider_queries(kinds, real), segment_queries(kinds, real),
                          motion_functions(laws, real).shift_particle)
 
@@ -142,8 +143,8 @@ def surface_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
         for a in range(3):
             w.pushed.point[3 * n + a] = wp.int64(0)
 
-    def release_particles(points: T.PointRows, w: tables.Walls, s: own.SurfacePoints, of: own.Attached,
-                          x: wp.array(dtype=t.vec3)):
+    def release_particles(points: T.PointRows, materials: T.MaterialRows, w: tables.Walls, s: own.SurfacePoints,
+                          of: own.Attached, x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3)):
         p = wp.tid()
         k = of.near[p]
         if k < 0:
@@ -151,9 +152,15 @@ def surface_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
         dx = w.pushed.dx
         y = particle_place(points, p, dx)
         way = t.vec3()
+        D = t.vec3()
         b = of.share[p]
         if wp.dot(b, b) > real(0.0):
             c = of.corner[p]
+            for e in range(3):                                 # what the mesh has lost to it, about y
+                moved = s.before[c[e]]
+                row = s.row[c[e]]
+                D += b[e] * (wp.cross(wp.transform_point(w.table.pose[0, k], x[row]) - y, moved)
+                             + wp.cross(s.place[c[e]], v[row] - moved))
             points.v[p] = points.v[p] + (b[0] * s.before[c[0]] + b[1] * s.before[c[1]] + b[2] * s.before[c[2]])
             way += b[0] * s.place[c[0]] + b[1] * s.place[c[1]] + b[2] * s.place[c[2]]
         if w.table.kind[k] == SHEET:                           # it stays on its side of where the sheet has gone
@@ -168,10 +175,21 @@ def surface_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
                 free, n = ask.first_hit(w.table, other, y, w.pushed.dt, y + way, w.pushed.dt, real(SKIN) * dx)
                 part = wp.min(part, free)
         shift(points, p, points.i[p], points.j[p], points.k[p], points.o[p], part * way / dx)
+        m = points.volume[p] * materials.density[points.row[p]]
+        balance.add_lack(w, k, m * (D - wp.cross(part * way, points.v[p])))
+        if wp.dot(b, b) > real(0.0):
+            balance.add_carried(w, k, particle_place(points, p, dx), m)
+
+    def turn_particles(points: T.PointRows, w: tables.Walls, of: own.Attached):
+        p = wp.tid()
+        b = of.share[p]
+        if of.near[p] >= 0 and wp.dot(b, b) > real(0.0):
+            spin, center = balance.find_turn(w, of.near[p])
+            points.v[p] = points.v[p] + wp.cross(spin, particle_place(points, p, w.pushed.dx) - center)
 
     made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{'_'.join((*kinds, *laws))}_{t.name}", module=module,
                                   enable_backward=False)
-            for k in (attach_particles, load_points, unload_points, release_particles)}
+            for k in (attach_particles, load_points, unload_points, release_particles, turn_particles)}
     return SimpleNamespace(**made)
 
 

@@ -33,6 +33,7 @@ def push_tables(real) -> SimpleNamespace:
         center: wp.array(dtype=t.vec3)         # of each body [m]
         reach: wp.array(dtype=real)            # length of a body's arms [m]
         sums: wp.array2d(dtype=wp.int64)       # (shares, SUMS bodies)
+        turning: wp.array2d(dtype=wp.int64)    # (rows, 13): see balance.py
         point: wp.array(dtype=wp.int64)        # impulse of each point of meshes, three numbers behind each other
         mass: real                             # of all of a world [kg]
         dx: real                               # edge of a cell [m]

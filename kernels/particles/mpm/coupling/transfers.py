@@ -72,10 +72,10 @@ def push_kernels(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real,
         if node[CELLS * g.block[p] + local(i, j, k)][3] > real(0.0):
             row = points.row[p]
             m = materials.density[row] * points.volume[p]
-            took = t.vec4(real(0.0), real(0.0), real(0.0), m)
+            took = t.mat44()
             if wp.static(meshes):
-                u = gather_velocity(g, g.block[p], i, j, k, at - t.vec3(real(i), real(j), real(k)), lost)
-                took = t.vec4(u[0, 0], u[1, 0], u[2, 0], m)
+                took = gather_velocity(g, g.block[p], i, j, k, at - t.vec3(real(i), real(j), real(k)), lost)
+            took[3, 0] = m
             gone, slow = meet.push_particle(w, materials.world[row], g.dx * at, way, v, took, clock,
                                             n % w.pushed.sums.shape[0])
             back = (gone - way) / g.dx

@@ -9,10 +9,17 @@ from wsim.physics.mpm.objects import Granular, Jelly, Snow
 from .test_method import find_method, total_momentum
 
 
+def whole_momenta(simulation, path):
+    """Momentum [kg m/s] and angular momentum [kg m^2/s] of particles and of the points of a body."""
+    body = next(b for b in simulation.plan.model.bodies if b.path == path)
+    x, v = (a.numpy()[:len(body.masses)] for a in (simulation.state.x, simulation.state.v))
+    p, spin = total_momentum(simulation)
+    return p + body.masses @ v, spin + body.masses @ np.cross(x + body.origin, v)
+
+
 def whole_momentum(simulation, path):
     """Momentum of particles and of the points of a body [kg m/s]."""
-    body = next(b for b in simulation.plan.model.bodies if b.path == path)
-    return total_momentum(simulation)[0] + body.masses @ simulation.state.v.numpy()[:len(body.masses)]
+    return whole_momenta(simulation, path)[0]
 
 
 def heights_above(cloth, counts, indices, x):
@@ -30,16 +37,18 @@ def heights_above(cloth, counts, indices, x):
 
 @pytest.mark.parametrize("solver", ["explicit", "xpbd", "implicit"])
 def test_momentum_stays_when_jelly_hits_a_cloth(solver):
-    """Float64; the cloth has a fiftieth of the jelly's mass."""
+    """Float64; the cloth has a fiftieth of the jelly's mass. Angular momentum relative to the momentum times the radius."""
     scene = wsim.Scene(fps=60, gravity=(0, 0, 0), solver=solver, substeps=20)
     sheet = wsim.shapes.sheet(0.8, 0.8, 12, 12, horizontal=True)
     scene.cloth("/cloth", *sheet, material=wsim.Fabric(density=300.0, stretch=200.0, shear=50.0, bend=1e-4))
     scene.mpm("/jelly", wsim.Sphere(0.12), at=(0.03, 0.2, 0), cell=0.05, velocity=(0.3, -2, 0), material=Jelly(2e4))
     simulation = wsim.Simulation(scene, device="cpu", precision="float64")
-    before = whole_momentum(simulation, "/cloth")
+    before, spin = whole_momenta(simulation, "/cloth")
     for _ in range(10):
         simulation.step()
-        assert np.abs(whole_momentum(simulation, "/cloth") - before).max() < 1e-9 * np.abs(before).max()
+        now, turns = whole_momenta(simulation, "/cloth")
+        assert np.abs(now - before).max() < 1e-9 * np.abs(before).max()
+        assert np.abs(turns - spin).max() < 3e-4 * 0.12 * np.linalg.norm(before)
     assert simulation.positions("/cloth")[:, 1].min() < -0.1
     assert heights_above(simulation.positions("/cloth"), *sheet[1:], find_method(simulation).read_particles(0)["x"]).min() > 0
 

@@ -81,6 +81,7 @@ class Exchange:
             self.tables.Pushed, world=model.upload(np.array(self.world, np.int32), int),
             first=model.upload(np.array(first, np.int32), int), center=zeros(n, t.vec3),
             reach=model.upload(self._reaches(cell).astype(model.dtype), model.real), point=zeros(3 * points, "int64"),
+            turning=zeros((len(things), 13), "int64"),
             sums=zeros((SHARES if model.device.is_cuda else 1, int(SUMS) * max(n, 1)), "int64"), mass=model.real(mass),
             dx=model.real(cell), dt=model.real(dt))
         self.walls = fill_struct(self.tables.Walls, table=self.colliders.rows, pushed=pushed)

@@ -66,6 +66,9 @@ class SurfaceExchange:
         self._set_weights(self.kernels.unload_points)
 
     def release(self, grid: Any) -> None:
-        """Launches what gives particles the change of velocity of the points that carried them."""
+        """Launches what gives particles the change of velocity of the points that carried them, and the angular momentum."""
+        walls = self.exchange.walls
         grid.launch(self.kernels.release_particles, grid.count,
-                    [grid.points, self.exchange.walls, self.points, self.attached, self.state.x])
+                    [grid.points, grid.materials, walls, self.points, self.attached, self.state.x, self.state.v])
+        grid.launch(self.kernels.turn_particles, grid.count, [grid.points, walls, self.attached])
+        walls.pushed.turning.zero_()
