@@ -200,8 +200,7 @@ OTHERS = (
         "exponent exponent double 1", "tension bearsTension bool 1", "compression_limit compressionLimit double 1",
         "tension_limit tensionLimit double 1", "hardening hardening double 1", "friction_angle frictionAngle double rad",
         "cohesion cohesion double Pa", "cone cone token 1", "integrator integrator token 1", "drag drag double 1",
-        "pour_start pourStart double 1",
-        "pour_end pourEnd double 1", "pour_rate pourRate double kg/s"))),
+        "pour_start pourStart double 1", "pour_end pourEnd double 1", "pour_rate pourRate double kg/s"))),
     *(AttributeEntry("Particles", name, schema, prefix + usd, kind, unit, kind == "token") for schema, prefix, rows in (
         ("Points", "", "points points point3f[] m|velocities velocities vector3f[] m/s|widths widths float[] m"),
         (WSIM_PARTICLES, "wsim:particles:", "material material token 1|radius radius double m|density density double kg/m^3|"
