@@ -81,6 +81,24 @@ def wall_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return held, near
 
     @wp.func
+    def turning_shift(c: Colliders, k: int, y: t.vec3, way: t.vec3, part: real, begin: real, end: real):
+        """From the part of a way from y to where it meets a collider that turns: a way is straight in the frame of that."""
+        shift = t.vec3()
+        if wp.length_sq(c.spin[k]) > real(0.0):
+            p = ask.local(c, k, y, begin)
+            q = p + part * (ask.local(c, k, y + way, end) - p)
+            shift = ask.world(c, k, q, begin + part * (end - begin)) - y - part * way
+        return shift
+
+    @wp.func
+    def wall_way(c: Colliders, k: int, y: t.vec3, u: t.vec3, begin: real, end: real):
+        """Way of collider k at y, of the velocity u, in the time that is left."""
+        way = (end - begin) * u
+        if wp.length_sq(c.spin[k]) > real(0.0):
+            way = ask.world(c, k, ask.local(c, k, y, begin), end) - y
+        return way
+
+    @wp.func
     def stop_particle(c: Colliders, at: t.vec3, way: t.vec3, v: t.vec3, time: real, h: real, dx: real):
         y = dx * at
         rest = dx * way
@@ -101,14 +119,16 @@ def wall_functions(kinds: tuple[str, ...], real) -> SimpleNamespace:
                     part = s
                     n = m
                     hit = k
-            gone += part * rest
-            rest = (real(1.0) - part) * rest
             if hit < 0:
+                gone += rest
                 break
+            turn = turning_shift(c, hit, y + gone, rest, part, begin, time + h)
+            gone += part * rest + turn
+            rest = (real(1.0) - part) * rest - turn
             begin += part * (time + h - begin)
             u = ask.rate(c, hit, y + gone, begin)
             slow -= wp.min(wp.dot(slow - u, n), real(0.0)) * n
-            ride = (time + h - begin) * u                      # of the wall in the time that is left
+            ride = wall_way(c, hit, y + gone, u, begin, time + h)
             into = wp.dot(rest - ride, n)
             if into < real(0.0):
                 rest += (real(OFF) * skin - into) * n
