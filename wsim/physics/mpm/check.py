@@ -202,8 +202,8 @@ def are_known(things: list[MaterialPoints]) -> bool:
 def check_speed(thing: MaterialPoints, scene: Scene) -> Iterator[Problem]:
     """An error of what would cross more cells in a frame than its steps hold."""
     most = WAY * thing.cell * MOST * scene.fps
-    if np.abs(thing.velocity).max(initial=0.0) > most > 0.0:
-        speed = np.abs(thing.velocity).max()
+    speed = float(np.abs(np.asarray(thing.velocity)).max(initial=0.0))
+    if speed > most > 0.0:
         yield thing_error(thing.path, f"velocity is up to {speed:.3g} m/s", f"{most:.3g} m/s, which {MOST} steps a frame hold",
                           "give a lower speed, larger cells or more frames a second")
 
