@@ -2,43 +2,24 @@
 
 import numpy as np
 
+from tools.scenes.concave import gear_grid, loop_faces, torus_grid
 from wsim import Surface
 
 
 def _loops(P: np.ndarray) -> Surface:
     """Quads of a grid of places (n, m, 3) [m] that closes both ways."""
     n, m = P.shape[:2]
-    i, j = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
-    corners = [(i + a) % n * m + (j + b) % m for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    return Surface(P.reshape(-1, 3), np.full(n * m, 4), np.stack(corners, axis=-1).ravel())
+    return Surface(P.reshape(-1, 3), np.full(n * m, 4), loop_faces(n, m).ravel())
 
 
 def ring(R: float, r: float, n: int = 32, m: int = 16) -> Surface:
     """A torus about z."""
-    u, v = 2 * np.pi * np.arange(n)[:, None] / n, 2 * np.pi * np.arange(m)[None] / m
-    w = R + r * np.cos(v)
-    return _loops(np.stack(np.broadcast_arrays(np.cos(u) * w, np.sin(u) * w, r * np.sin(v)), axis=-1))
+    return _loops(torus_grid(R, r, n, m))
 
 
 def gear(teeth: int, module: float, width: float, backlash: float = 0.06) -> Surface:
     """A spur gear about z with involute flanks of 20 degrees, its first tooth along x, and a bore."""
-    pitch, alpha = 0.5 * module * teeth, np.radians(20.0)
-    base, top, root = pitch * np.cos(alpha), pitch + module, pitch - 1.25 * module
-
-    def involute(a):
-        return np.tan(a) - a
-    half = np.pi / (2 * teeth) - 0.5 * backlash * module / pitch + involute(alpha)
-    r = np.linspace(max(base, root), top, 4)
-    turn = half - involute(np.arccos(np.minimum(1.0, base / r)))
-    foot = [root] if root < base else []
-    radius = np.concatenate([foot, r, r[::-1], foot])
-    angle = np.concatenate([[-half] * len(foot), -turn, turn[::-1], [half] * len(foot)])
-    angle = (angle + 2 * np.pi * np.arange(teeth)[:, None] / teeth).ravel()
-    radius = np.tile(radius, teeth)
-    bore = np.full(len(radius), 0.3 * root)
-    section = [(radius, -0.5 * width), (radius, 0.5 * width), (bore, 0.5 * width), (bore, -0.5 * width)]
-    return _loops(np.stack([np.stack([s * np.cos(angle), s * np.sin(angle), np.full(len(s), z)], axis=-1) for s, z in section],
-                           axis=1))
+    return _loops(gear_grid(teeth, module, width, backlash))
 
 
 def bowl(R: float, t: float, n: int = 24, m: int = 8) -> Surface:

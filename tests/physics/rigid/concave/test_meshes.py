@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.rigid.concave.meshes import bowl, gear, ring
-from wsim import Capsule, Motion, Plane, Scene, Simulation, Sphere
+from wsim import Capsule, Collider, Motion, Plane, Scene, Simulation, Sphere
 from wsim.physics.rigid.joints.joint import Drive
 
 FACING_X = np.array([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])          # z of a ring to x, and to y
@@ -73,6 +73,25 @@ def test_a_ring_on_a_peg_rests_on_the_lowest_place_of_its_tube():
     simulation.run(60)
     at = simulation.poses("/ring")["/ring"][:3, 3]
     assert abs(at[2] + (R - TUBE - 0.2)) < 1e-3 and abs(at[1]) < 1e-3
+
+
+def test_a_mug_swings_on_a_hook_by_its_handle():
+    """A cup with a ring for a handle, 10 cm high, on a ring that stays: it hangs on, and swings about where it hangs at rest."""
+    scene = Scene(fps=60, substeps=16, iterations=4, gravity=(0, 0, -9.81), up="Z")
+    handle, tube = 0.03, 0.006
+    scene.collider("/hook", ring(handle, tube, 24, 12), motion=place(FACING_X, (0, 0, 0)))
+    cup = Collider("/mug/cup", bowl(0.05, 0.006), motion=Motion.still(np.array([[0, 0, 1, 0.085], [0, 1, 0, 0], [-1, 0, 0, 0],
+                                                                                [0, 0, 0, 1.0]])))
+    mug = scene.body("/mug", colliders=[Collider("/mug/handle", ring(handle, tube, 24, 12), motion=place(FACING_Y, (0, 0, 0))),
+                                        cup], density=2300.0, at=(0, 0, -2.0 * (handle - tube) + 1e-4), spin_drag=1.0)
+    simulation = Simulation(scene, device="cpu")
+    far, low = [], []
+    for _ in range(90):
+        simulation.step()
+        pose = simulation.poses("/mug")[mug.path]
+        far.append(np.linalg.norm(pose[:3, 3]))
+        low.append((pose @ [0.085, 0.0, 0.0, 1.0])[2])
+    assert max(far) < 2.0 * handle and min(low) < -0.1
 
 
 @pytest.mark.parametrize("size", [0.01, 1.0, 100.0])
