@@ -25,6 +25,7 @@ from wsim.kernels.contact.collide import collider_touch_func, split_convex_and_m
 from wsim.kernels.contact.collider.shape import convex_distance_func
 from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.contact.project import TOUCHED, contact_tables, slot_type
+from wsim.kernels.math.marks import owns_points
 from wsim.kernels.math.real import types
 
 GOLDEN, LESS = 0.6180339887498949, 0.3819660112501051
@@ -253,3 +254,20 @@ def face_penetration_kernel(kinds: tuple[str, ...], real, module):
         depth_out[lane] = worst
 
     return wp.kernel(measure_face_penetration, name=name, module=module, enable_backward=False)
+
+
+@cache
+def collider_work_kernel(real, module):
+    """Kernel over points: adds to given [J] the work (m P / g) . u of colliders in a substep, of the rows that are outside."""
+    t, Slots, (_, Points) = types(real), slot_type(real), contact_tables(real)
+
+    def add_collider_work(points: Points, s: Slots, push: wp.array(dtype=t.vec3), outside: wp.array(dtype=int), g: real,
+                          given: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        if points.w[i] > real(0.0):
+            for slot in range(s.count[i]):
+                j = slot * s.points + i
+                if outside[s.row[j]] == 1:
+                    given[i] = given[i] + wp.float64(wp.dot(push[j], s.u[j]) / (points.w[i] * g))
+
+    return owns_points(wp.kernel(add_collider_work, name=f"push_work_{t.name}", module=module, enable_backward=False))

@@ -36,6 +36,7 @@ integrator damps.
 # ruff: noqa: UP018
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -109,9 +110,18 @@ def slot_type(real):
         n: wp.array(dtype=t.vec3)                 # (slots,)
         b: wp.array(dtype=t.scalar)               # [m]
         u: wp.array(dtype=t.vec3)                 # [m/s]
+        tie: wp.array(dtype=int)                  # 1, 2, 3 of a tie to a body (kernels/rigid/touch/point_ties), else 0, or none
         site: wp.array(dtype=int)                 # of those behind the point's own (kernels/cloth/edge_contact), where some are
 
     return ContactSlots
+
+
+@wp.func
+def is_tied_slot(s: Any, j: int):
+    """True of a plane that pulls, too."""
+    if s.tie:
+        return s.tie[j] > 0
+    return False
 
 
 @cache
@@ -207,7 +217,13 @@ def point_projection_func(real):
             j = slot * s.points + i
             n = s.n[j]
             mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
-            d1, P, pressed = meet(n, s.b[j], a, g * s.u[j], push[j], d1, mu, soft)
+            pressed = real(0.0)
+            if is_tied_slot(s, j):
+                P = push[j] - (s.b[j] + wp.dot(n, d1)) * n
+                d1 += P - push[j]
+                pressed = wp.length(P)
+            else:
+                d1, P, pressed = meet(n, s.b[j], a, g * s.u[j], push[j], d1, mu, soft)
             if pressed > real(0.0):
                 touched = TOUCHED
             push_out[j] = P
@@ -251,7 +267,7 @@ def contact_velocity_kernel(real, module):
         count = int(0)
         for slot in range(s.count[i]):
             j = slot * s.points + i
-            if wp.dot(push[j], s.n[j]) > real(0.0) and (c.width == real(0.0)
+            if (is_tied_slot(s, j) or wp.dot(push[j], s.n[j]) > real(0.0)) and (c.width == real(0.0)
                                                        or s.b[j] + wp.dot(s.n[j], d) < real(HELD) * c.width):
                 last = j
                 count += 1
@@ -277,20 +293,3 @@ def contact_velocity_kernel(real, module):
 
     return wp.kernel(settle_contact_velocity, name=f"settle_{types(real).name}", module=module,
                      enable_backward=has_adjoint(module))
-
-
-@cache
-def collider_work_kernel(real, module):
-    """Kernel over points: adds to given [J] the work (m P / g) . u of colliders in a substep, of the rows that are outside."""
-    t, Slots, (_, Points) = types(real), slot_type(real), contact_tables(real)
-
-    def add_collider_work(points: Points, s: Slots, push: wp.array(dtype=t.vec3), outside: wp.array(dtype=int), g: real,
-                          given: wp.array(dtype=wp.float64)):
-        i = wp.tid()
-        if points.w[i] > real(0.0):
-            for slot in range(s.count[i]):
-                j = slot * s.points + i
-                if outside[s.row[j]] == 1:
-                    given[i] = given[i] + wp.float64(wp.dot(push[j], s.u[j]) / (points.w[i] * g))
-
-    return owns_points(wp.kernel(add_collider_work, name=f"push_work_{t.name}", module=module, enable_backward=False))

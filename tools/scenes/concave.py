@@ -36,7 +36,8 @@ def gear_grid(teeth: int, module: float, width: float, backlash: float) -> np.nd
     radius = np.tile(radius, teeth)
     inner, even = np.full(len(radius), 0.3 * root), angle[0] + 2 * pi * np.arange(len(radius)) / len(radius)
     section = [(radius, angle, -0.5), (radius, angle, 0.5), (inner, even, 0.5), (inner, even, -0.5)]
-    return np.stack([np.stack([s * np.cos(a), s * np.sin(a), np.full(len(s), z * width)], axis=-1) for s, a, z in section], axis=1)
+    return np.stack([np.stack([s * np.cos(a), s * np.sin(a), np.full(len(s), z * width)], axis=-1) for s, a, z in section],
+                    axis=1)
 
 
 def loop_faces(n: int, m: int) -> np.ndarray:
@@ -80,9 +81,9 @@ def chain() -> str:
     eye = block("Mesh", "Eye", coloured(BRASS), '["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"]').replace(
         "prepend apiSchemas", "prepend references = </World/Forms/Link>\n    prepend apiSchemas", 1)
     bob = solid("Sphere", "Bob", "double radius = 0.14\n" + turned((0.0, -R - 0.13, 0.0)), BRASS)
-    weight = block("Xform", "Weight", turned((links + 1) * pitch * along, Z=degrees(tilt), **({"Y": 90.0} if links % 2 == 0 else {}))
-                   + "float physics:density = 7800\n" + eye + bob, '["PhysicsRigidBodyAPI", "PhysicsMassAPI"]',
-                   "A ring and a ball are one body: it weighs 12 times a link.")
+    place = turned((links + 1) * pitch * along, Z=degrees(tilt), **({"Y": 90.0} if links % 2 == 0 else {}))
+    weight = block("Xform", "Weight", place + "float physics:density = 7800\n" + eye + bob,
+                   '["PhysicsRigidBodyAPI", "PhysicsMassAPI"]', "A ring and a ball are one body, which weighs ten links.")
     return scene("A chain of twelve links swings from a hook, and carries a weight.", [
         settings(substeps=24, iterations=4, comment="Links sink into each other by g h^2 times the weight that they carry."),
         block("Scope", "Forms", form, comment="A class is not simulated: links refer to it."),
@@ -101,10 +102,10 @@ def gears() -> str:
     turn.append(degrees(rise) + 180.0 + 180.0 / teeth[2] - (turn[1] - degrees(rise)) * teeth[1] / teeth[2])
     parts = []
     for k, name in enumerate(("Driver", "Wheel", "Pinion")):
-        parts.append(block("Mesh", name, looped_mesh(gear_grid(teeth[k], module, width, 0.06)) + "float physics:density = 7800\n"
-                           + turned(at[k], Z=turn[k]) + coloured(color[k]), MESH.replace("]", ', "MaterialBindingAPI"]', 1),
-                           "Teeth touch as they are: closed meshes with involute flanks." if k == 0 else "").replace(
-            "float physics:density", "rel material:binding:physics = </World/greased>\nfloat physics:density", 1))
+        mesh = looped_mesh(gear_grid(teeth[k], module, width, 0.06)) + turned(at[k], Z=turn[k]) + coloured(color[k])
+        parts.append(block("Mesh", name, mesh + "rel material:binding:physics = </World/greased>\n"
+                           "float physics:density = 7800\n", MESH.replace("]", ', "MaterialBindingAPI"]', 1),
+                           "Teeth touch as they are: closed meshes with involute flanks." if k == 0 else ""))
         drive = (f"float drive:angular:physics:targetVelocity = {number(speed)}    # degrees a second\n"
                  "float drive:angular:physics:damping = 3    # N m s a degree\n" if k == 0 else "")
         parts.append(block("PhysicsRevoluteJoint", f"Axle{name}", f'uniform token physics:axis = "Z"\n{drive}'
@@ -113,8 +114,8 @@ def gears() -> str:
                            "point3f physics:localPos1 = (0, 0, 0)\n"
                            f"quatf physics:localRot1 = ({number(cos(radians(-0.5 * turn[k])))}, 0, 0, "
                            f"{number(sin(radians(-0.5 * turn[k])))})\n",
-                           '["PhysicsDriveAPI:angular"]' if k == 0 else "", "The first is driven, the others are turned by teeth."
-                           if k == 0 else ""))
+                           *(('["PhysicsDriveAPI:angular"]', "The first is driven, the others are turned by teeth.")
+                             if k == 0 else ("", ""))))
     grease = block("Material", "greased", said("Friction", 1.0, static_friction=0.05, dynamic_friction=0.05),
                    '["PhysicsMaterialAPI"]')
     return scene("Twelve teeth drive twenty, and these drive twelve more.", [

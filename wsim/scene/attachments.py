@@ -107,6 +107,14 @@ def body_ties(scene, path: str | None = None) -> list[Tie]:
     return [tie for tie in scene.ties if tie.others is None and path in (None, tie.body)]
 
 
+def tie_places(tie: Tie, source, body) -> np.ndarray:
+    """Places in the frame of a rigid body (k, 3) [m] at which it holds the points of a tie; source: the object of these."""
+    if tie.places is not None:
+        return np.asarray(tie.places, np.float64)
+    M = body.motion.at(0.0)
+    return (source.motion.points(source.points, 0.0)[tie.points] - M[:3, 3]) @ M[:3, :3]
+
+
 @dataclass(eq=False)
 class Load(ArrayDataclass):
     """A force on points of a body, or a traction on triangles, over time, as in `scene.force("/pull", flag, [8], (0, 0, 2.0))`.

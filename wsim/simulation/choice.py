@@ -23,6 +23,7 @@ import numpy as np
 from wsim.model.model import Model, edge_lengths
 from wsim.physics.motion.stability import substeps_needed
 from wsim.scene import Scene
+from wsim.scene.attachments import body_ties
 from wsim.scene.integrator import TABLE, Integrator
 from wsim.scene.methods import has_collisions, has_tets, method_colliders, solid_materials
 from wsim.simulation import cost
@@ -72,6 +73,8 @@ class SchemeChoice:
 def choose_scheme(model: Model, named: str = "") -> SchemeChoice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     found = _choose_by_scene(model, named)
+    if found.solver != "explicit" and found.integrator.order > 1 and any(body_ties(model.scene, b.path) for b in model.bodies):
+        return replace(_choose_by_scene(model, "backward_euler"), why="points tied to bodies keep their momentum by it")
     if (model.scene.solver, model.scene.integrator) != ("auto", "auto") or not falling_bodies(model):
         return found
     error = found.error if found.error is not None else predict_choice_error(model, found)
@@ -92,8 +95,7 @@ def predict_choice_error(model: Model, choice: SchemeChoice) -> float:
 
 
 def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
-    scene = model.scene
-    method = TABLE.get(named or scene.integrator)
+    scene, method = model.scene, TABLE.get(named or model.scene.integrator)
     if not model.bodies:
         return SchemeChoice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
     if method and method.rebounds and method_colliders(scene):
@@ -244,15 +246,13 @@ def _choose_sweeps(model: Model) -> SchemeChoice:
         return _choose_backward_euler(model, "implicit", min(scene.iterations, 3))
     if _has_hard_constraints(model):                      # limits and tethers carry loads past the sweeps
         return _choose_backward_euler(model, "xpbd", scene.iterations)
-    damped = any(r.tau for r in model.constraints)         # which slows sweeps, the more the shorter the step
-    lag = sweep_strain.sweep_lag(model, falling_bodies(model))
+    damped, lag = any(r.tau for r in model.constraints), sweep_strain.sweep_lag(model, falling_bodies(model))  # it slows sweeps
     tried = [_choose_backward_euler(model, "xpbd", m, lag) for m in {scene.iterations, scene.iterations if damped else 1}]
     return min(tried, key=lambda c: cost.seconds_of_counts(model, cost.count_sweeps_frame(model, c.substeps, c.iterations)))
 
 
 def _choose_backward_euler(model: Model, solver: str, iterations: int, lag: float = 0.0) -> SchemeChoice:
-    """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names. lag: of
-    sweeps, see `wsim.simulation.predicted.sweep_strain`."""
+    """Backward Euler at the wanted error, of no fewer substeps than named. lag: `wsim.simulation.predicted.sweep_strain`."""
     sweeps, bodies = iterations if solver == "xpbd" and not _has_hard_constraints(model) else 0, falling_bodies(model)
 
     def euler_error_of_step(h: float) -> float:

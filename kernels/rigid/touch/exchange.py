@@ -15,6 +15,7 @@ from wsim.kernels.rigid.motion import double_vec3
 from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
 from wsim.kernels.rigid.touch.points import touch_structs
 
+PULL = 1e30            # [m] that a tie pulls by, at most
 SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
 SIX, sum_six = wp.types.vector(6, wp.float64), team_sum_func(6)
 
@@ -73,6 +74,9 @@ def star_contact_funcs(real):
         rows_out.least[m] = real(0.0)
         rows_out.slip[m] = (d0 - p.a[i]) - p.g * found.u[m]
         rows_out.mu[m] = bound
+        if project.is_tied_slot(s, j):
+            rows_out.least[m] = real(-wp.static(PULL))
+            rows_out.mu[m] = real(0.0)
         rows_out.f[m] = real(1.0) / (p.w[i] * p.c)
 
     @wp.func

@@ -20,6 +20,7 @@ from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.motion import double_vec3
 from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
+from wsim.kernels.rigid.touch.exchange import PULL
 from wsim.kernels.rigid.touch.points import touch_structs
 
 
@@ -46,13 +47,17 @@ def newton_star_kernel(real, module):
         push = p.push[j]
         lam = wp.dot(push, n)
         base = -wp.max(s.b[j] + wp.dot(n, p.d[i]), real(0.0))
-        if lam > real(0.0):
+        tied = project.is_tied_slot(s, j)
+        if lam > real(0.0) or tied:
             base = (own / stiff) * lam
         mu = real(0.5) * (p.friction[i] + c.of.friction[s.row[j]])
         rows_out.base[m] = base - p.h * wp.dot(n, U0)
         rows_out.least[m] = real(0.0)
         rows_out.slip[m] = p.g * U0 - (own / stiff) * (push - lam * n)
         rows_out.mu[m] = mu[1]
+        if tied:
+            rows_out.least[m] = real(-wp.static(PULL))
+            rows_out.mu[m] = real(0.0)
         rows_out.f[m] = p.h * stiff
 
     return wp.kernel(touch_lean, name=f"touch_lean_{t.name}", module=module, enable_backward=False)
@@ -117,6 +122,7 @@ def owed_push_kernel(real, module):
         given = t.vec3()
         most = real(0.0)
         own = int(-1)
+        tied = s.count[i] > 0 and project.is_tied_slot(s, i)
         for slot in range(s.count[i]):
             j = slot * s.points + i
             given += p.push[j]
@@ -124,7 +130,11 @@ def owed_push_kernel(real, module):
             if lam > most and of[s.row[j]] >= 0:
                 most = lam
                 own = j
-        if own >= 0:
+        if tied:
+            for k in range(s.count[i]):
+                j = k * s.points + i
+                push_out[j] = (-(p.w[i] * p.g * p.g) * wp.dot(f[i], s.n[j])) * s.n[j]
+        elif own >= 0:
             P = p.push[own] - given - (p.w[i] * p.g * p.g) * f[i]
             if wp.dot(P, s.n[own]) > real(0.0):
                 push_out[own] = P

@@ -165,7 +165,13 @@ def touch_begin_funcs(real):
         gap = s.b[j] + wp.dot(n, p.d[i])
         center = shapes.begin[body] - shapes.object[p.object[i]] + double_vec3(rig.now.x[body])
         ends = double_vec3(rig.now.e[body]) + wp.float64(p.h) * out.ahead[body]
-        r = (double_vec3(p.x[i]) - center) + (double_vec3(p.d[i] - gap * n) - ends)
+        off = gap * n
+        if project.is_tied_slot(s, j):
+            off = t.vec3()
+            for k in range(wp.static(3)):                # the place on the body, and not where the point is predicted
+                jk = k * s.points + i
+                off += (s.b[jk] + wp.dot(s.n[jk], p.d[i])) * s.n[jk]
+        r = (double_vec3(p.x[i]) - center) + (double_vec3(p.d[i] - off) - ends)
         rows_out.n[m] = n
         rows_out.r[m] = t.vec3(real(r[0]), real(r[1]), real(r[2]))
         out.b[m] = s.b[j]

@@ -7,6 +7,7 @@ import warp as wp
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
+from wsim.kernels.rigid.touch.exchange import PULL
 from wsim.kernels.rigid.touch.points import touch_structs
 
 
@@ -31,11 +32,15 @@ def star_velocity_kernel(real, module):
         if found.before[m] < -p.slow:
             wants = wp.max(wants, -rebound * found.before[m])
         f = real(0.0)
-        if lam > real(0.0):
+        tied = project.is_tied_slot(s, j)
+        if lam > real(0.0) or tied:
             f = real(1.0) / p.w[i]
         rows_out.f[m] = f
         rows_out.mu[m] = real(0.0)
         rows_out.least[m] = -lam / p.c
+        if tied:
+            wants = wp.where(memory != 0, wp.dot(n, (p.d[i] - p.e[i]) / p.h - s.u[j]), wp.dot(n, v - s.u[j]))
+            rows_out.least[m] = real(-wp.static(PULL))
         rows_out.base[m] = wants - wp.dot(n, v - found.u[m])
 
     return wp.kernel(touch_rise, name=f"touch_rise_{t.name}", module=module, enable_backward=False)

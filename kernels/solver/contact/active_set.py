@@ -61,6 +61,22 @@ def active_set_filter_kernel(real, module):
                               active_set_structs(real))
     (Rows, Points), slip, friction = project.contact_tables(real), one.slip, one.friction
 
+    @wp.func
+    def friction_of_slot(c: Rows, points: Points, s: Slots, at: own_.Where, which: wp.vec2i, left: t.vec3, H: t.mat33,
+                         pressed: t.vec2):
+        """Slip, friction, its drag, whether contact which[1] of point which[0] sticks; ties have none. pressed: own, lam."""
+        i = which[0]
+        j = which[1]
+        n = s.n[j]
+        way = slip(n, at.d[i], at.a[i] + at.g * s.u[j])
+        T = t.vec3()
+        more = real(0.0)
+        sticks = bool(False)
+        if not project.is_tied_slot(s, j):
+            mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
+            T, more, sticks = friction(n, way, left - wp.dot(left, n) * n, H, pressed[0], pressed[1], mu)
+        return way, T, more, sticks
+
     @wp.kernel(module=module, enable_backward=False)
     def filter_active_contacts(c: Rows, points: Points, s: Slots, at: own_.Where, fresh: int, f: wp.array(dtype=t.vec3),
                                A_out: A, held_out: own_.Held):
@@ -84,14 +100,14 @@ def active_set_filter_kernel(real, module):
                 if fresh != 0:
                     lam = wp.where(gap <= real(NEAR) * c.skin, pressed, real(0.0))
                 push = t.vec3()
-                if lam > real(0.0) and not sticks:
+                tied = project.is_tied_slot(s, j)
+                lam = wp.where(tied, pressed, lam)
+                if (lam > real(0.0) or tied) and not sticks:
                     left += (pressed * own) * n
                     Sn = S * n
                     S -= inverse_or_zero(wp.dot(n, Sn)) * wp.outer(Sn, Sn)
                     start -= (gap + wp.dot(n, start)) * n
-                    mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
-                    way = slip(n, at.d[i], at.a[i] + at.g * s.u[j])
-                    T, more, sticks = friction(n, way, left - wp.dot(left, n) * n, H, own, lam, mu)
+                    way, T, more, sticks = friction_of_slot(c, points, s, at, wp.vec2i(i, j), left, H, t.vec2(own, lam))
                     push = lam * n + T
                     drag += more
                     pulled += more * way
@@ -141,7 +157,7 @@ def step_clip_kernel(real, module):
                 j = slot * s.points + i
                 n = s.n[j]
                 gap = s.b[j] + wp.dot(n, moved)
-                if gap < real(0.0) or (solved != 0 and wp.dot(push[j], n) > real(0.0)):
+                if gap < real(0.0) or project.is_tied_slot(s, j) or (solved != 0 and wp.dot(push[j], n) > real(0.0)):
                     moved -= gap * n
         return moved
 
@@ -179,7 +195,10 @@ def step_clip_kernel(real, module):
                 j = slot * s.points + i
                 n = s.n[j]
                 push = active_contact_push(held.push[j], n, s.b[j] + wp.dot(n, d + way), R, A.own[i], sticks)
-                if wp.dot(push, n) > real(0.0):
+                tied = project.is_tied_slot(s, j)
+                if tied:
+                    push = (-wp.dot(R, n) / A.own[i]) * n
+                if wp.dot(push, n) > real(0.0) or tied:
                     touched = wp.static(project.TOUCHED)
                     R += A.own[i] * push
                 held.push[j] = push

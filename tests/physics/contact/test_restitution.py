@@ -202,7 +202,7 @@ def test_the_kernel_alone_differentiates(free):
     toward = -3.0 * normals.reshape(2, n, 3).sum(0)                       # per second; h = 0.3 s
     a["v"].assign(toward + 0.1 * a["v"].numpy())
     a["pair"].assign(np.concatenate([0.3 * toward, 0.3 * toward, toward, toward]) + 0.02 * a["pair"].numpy())
-    ints = dict(count=np.full(n, 2), mark=np.zeros(n), row=rng.integers(0, 2, 2 * n), wanted=[0], site=[])
+    ints = dict(count=np.full(n, 2), mark=np.zeros(n), row=rng.integers(0, 2, 2 * n), wanted=[0], site=[], tie=[])
     for name, values in ints.items():
         setattr(s, name, wp.array(np.array(values, np.int32), dtype=int, device="cpu"))
     s.points, s.capacity, s.n, s.b, s.u = n, 2, a["n"], b, a["u"]

@@ -83,7 +83,7 @@ class ColliderContacts:
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
         self.struck, self.changed, self.redrawn = struck, True, True    # what poses, what outlines of frames are made of
-        self.owed = False                                # poses of a frame that has asked for none so far
+        self.owed = self.tied = False                    # poses of a frame that has asked for none so far; bodies hold points
         self.table = kernels.contact_tables(real)[0]()
         self.tree: Any = None                            # `wsim.physics.contact.broad.ColliderTree`
         if self.rows.balls >= MANY:
@@ -93,7 +93,7 @@ class ColliderContacts:
         self._load(module, struck is not None)
         self._points(bodies)
         self._frame(substeps, dt)
-        self._make_slots(min(2, max(self.rows.most, 1)))
+        self.make_slots(min(2, max(self.rows.most, 1)))
 
     # tables
 
@@ -153,7 +153,7 @@ class ColliderContacts:
                                             mesh=mesh[of], thick=self.gap, friction=self.friction, owner=self.owner,
                                             restitution=self.restitution)
 
-    def _make_slots(self, capacity: int) -> None:
+    def make_slots(self, capacity: int) -> None:
         t, n = self.types, self.count
         s = self.slots = kernels.slot_type(self.real)()
         s.points, s.capacity = n, capacity
@@ -162,7 +162,8 @@ class ColliderContacts:
         def zeros(dtype):
             return wp.zeros(n * capacity, dtype=dtype, device=self.device)
         s.row, s.n, s.b, s.u, self.push = zeros(int), zeros(t.vec3), zeros(t.scalar), zeros(t.vec3), zeros(t.vec3)
-        s.site = zeros(int) if self.edges else wp.zeros(0, dtype=int, device=self.device)
+        none = wp.zeros(0, dtype=int, device=self.device)
+        s.site, s.tie = zeros(int) if self.edges else none, zeros(int) if self.tied else none
 
     def tell(self, wanted: wp.array) -> None:
         """Takes the word (first entry of an int array) for the room that a point wants."""
@@ -267,11 +268,9 @@ class ColliderContacts:
         wanted = int(self.wanted.numpy()[0]) if wanted is None else wanted
         if wanted <= self.slots.capacity:
             return False
-        self._make_slots(wanted)
+        self.make_slots(wanted)
         self.wanted.zero_()
         return True
-
-    # measuring
 
     def indicators(self, x: wp.array) -> dict[str, float]:
         """penetration: greatest depth of a point, a triangle or a spring in a solid [m], see kernels/contact/penetration.py and
@@ -288,7 +287,7 @@ class ColliderContacts:
         row = self.slots.row.numpy().reshape(-1, n)
         w, push = (a.numpy().astype(np.float64) for a in (self.points.w, self.push))
         slot, point = np.nonzero(np.arange(len(row))[:, None] < count)
-        given = push.reshape(-1, n, 3)[slot, point] / (w[point, None] * g)
+        given = push.reshape(-1, n, 3)[slot, point] / (np.where(w > 0.0, w, np.inf)[point, None] * g)    # ties: of bodies
         number = self.rows.collider[row[slot, point]]
         np.subtract.at(total := np.zeros((len(self.rows.colliders), 3)), number, given)
         return {c.path: total[i] for i, c in enumerate(self.rows.colliders)}

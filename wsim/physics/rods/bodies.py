@@ -27,7 +27,7 @@ from wsim.physics.rigid.solids import bodies_met_by_strands
 from wsim.physics.rods.colliders import StrandObstacles, strand_collider_kinds
 from wsim.physics.rods.objects import strand_neighbours
 from wsim.scene import Surface
-from wsim.scene.attachments import Tie, body_ties
+from wsim.scene.attachments import body_ties, tie_places
 from wsim.scene.solids import Plane, shape_row
 
 if TYPE_CHECKING:
@@ -233,14 +233,6 @@ class StrandBodyContacts:
         N, deep = self.borne.N.numpy(), self.borne.deep.numpy()
         ties = {} if self.gap is None else {"rod_tie_gap": float(self.gap.numpy().max(initial=0.0))}
         return {"rod_bodies": float(np.count_nonzero(N)), "rod_body_depth": float(deep.max(initial=0.0))} | ties
-
-
-def tie_places(tie: Tie, rods, body) -> np.ndarray:
-    """Places in the frame of a rigid body (k, 3) [m] at which it holds the points of a tie."""
-    if tie.places is not None:
-        return np.asarray(tie.places, np.float64)
-    M = body.motion.at(0.0)
-    return (rods.motion.points(rods.points, 0.0)[tie.points] - M[:3, 3]) @ M[:3, :3]
 
 
 def put_ties(contacts: Any, rigid: Any, strands: Any) -> None:

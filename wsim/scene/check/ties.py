@@ -8,6 +8,7 @@ import numpy as np
 from wsim.scene import Problem, Scene, Tie
 from wsim.scene.attachments import body_ties
 from wsim.scene.check.objects import find_point_object, thing_error
+from wsim.scene.methods import method_file
 
 APART = 1e-4       # of the soft body's size, by which points that are to be one may stand apart
 
@@ -65,10 +66,8 @@ def _check_body_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     body = yield from find_point_object(path, "tie to a body", "ties", thing.body, scene)
     if body is None:
         return
-    if type(body).__name__ != "Rods":
-        yield thing_error(path, f"it ties {thing.body} to the rigid body {thing.other}", "rods, whose points rigid bodies hold",
-                          "hang it on rods that are tied, pin it to an animated collider, or make the body a soft one")
-        return
+    if body.noun != "rods":
+        yield from _check_points_on_body(thing, body, rigid[thing.other])
     bad = (thing.points < 0) | (thing.points >= len(body.points))
     if bad.any() or not len(thing.points):
         named = f"point {thing.points[np.argmax(bad)]}" if len(thing.points) else "no point"
@@ -85,6 +84,21 @@ def _check_body_tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     if often.max() > 1:
         yield thing_error(path, f"point {thing.points[np.argmax(often)]} of {body.path} is tied or pinned {often.max()} times",
                           "once", "name each point in one tie or pin")
+
+
+def _check_points_on_body(thing: Tie, body, rigid) -> Iterator[Problem]:
+    """What points of cloth, nets and soft bodies cannot be tied with. They are held where they meet colliders of the body."""
+    if not method_file("Body", "solids").touching_colliders(rigid):
+        yield thing_error(thing.path, f"it ties {thing.body} to {thing.other}, which has no collider", "a body with one",
+                          "give the body a collider, if a small one")
+    if getattr(body, "self_collision", False):
+        yield thing_error(thing.path, f"it ties {thing.body}, which collides with itself", "a body that does not",
+                          "take wsim:selfCollision off")
+    if body.is_solid and body.quadratic:
+        yield thing_error(thing.path, f"it ties {thing.body}, which is quadratic", "linear tets", "leave wsim:quadratic off")
+    if body.tethers or isfinite(body.material_number("strain_limit", inf)):
+        what = "tethers" if body.tethers else "a strain limit"
+        yield thing_error(thing.path, f"it ties {thing.body}, which has {what}", "a body without", "leave it out")
 
 
 def _check_tied_points_meet(thing: Tie, body, other) -> Iterator[Problem]:

@@ -76,7 +76,7 @@ def test_a_ring_on_a_peg_rests_on_the_lowest_place_of_its_tube():
 
 
 def test_a_mug_swings_on_a_hook_by_its_handle():
-    """A cup with a ring for a handle, 10 cm high, on a ring that stays: it hangs on, and swings about where it hangs at rest."""
+    """A cup with a ring for a handle, 10 cm wide, on a ring that stays: it hangs on, and swings."""
     scene = Scene(fps=60, substeps=16, iterations=4, gravity=(0, 0, -9.81), up="Z")
     handle, tube = 0.03, 0.006
     scene.collider("/hook", ring(handle, tube, 24, 12), motion=place(FACING_X, (0, 0, 0)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim.physics.rods import coupled_newton
-from wsim.scene import Box, Motion, Scene, SceneError, Sphere, shapes
+from wsim.scene import Box, Motion, Scene, SceneError, Sphere
 from wsim.scene.check.scene import check_scene
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
@@ -227,7 +227,6 @@ def test_a_tie_stands_in_a_file_and_is_read_again(tmp_path):
     (lambda s: s.tie("/more", "/rope", [8], "/weight"), "tied or pinned 2 times"),
     (lambda s: s.tie("/more", "/rope", [0], "/weight"), "tied or pinned 2 times"),
     (lambda s: s.tie("/more", "/rope", [3], "/weight", places=[(0, 0, np.nan)]), "a finite place"),
-    (lambda s: s.tie("/more", s.cloth("/flag", *shapes.sheet(0.2, 0.2, 2, 2)), [3], "/weight"), "rods, whose points rigid"),
     (lambda s: s.tie("/more", "/ropes", [3], "/weight"), "is no cloth, spring net, soft body, rods"),
 ])
 def test_bad_ties_are_told_in_a_line(change, said):

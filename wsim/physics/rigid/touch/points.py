@@ -25,7 +25,7 @@ from wsim.model.structs import fill_struct
 from wsim.physics.rigid.meetings import collider_places_in_body
 from wsim.physics.rigid.solids import touching_colliders
 from wsim.physics.rigid.touch.half_step import HalfStepMomenta
-from wsim.physics.rigid.touch.substeps import RigidSubsteps
+from wsim.physics.rigid.touch.substeps import RigidSubsteps, make_point_ties
 from wsim.physics.rigid.touch.worlds import FEW, WorldBlocks
 from wsim.scene import Collider, Motion
 
@@ -41,8 +41,7 @@ class BodyPointContacts(RigidSubsteps):
         """rigid: the method, whose `contacts` are made."""
         few = len(rigid.bodies) <= FEW * b.model.worlds
         super().__init__(b, rigid, swept=not few)
-        self.state, self.real = b.state, b.model.real
-        self.status, self.clock = b.status, b.clock
+        self.state, self.real, self.status, self.clock = b.state, b.model.real, b.status, b.clock
         if b.choice.solver == "implicit":
             from wsim.physics.rigid.touch.newton import UNFORESEEN
             b.status.reserve(UNFORESEEN)
@@ -68,17 +67,16 @@ class BodyPointContacts(RigidSubsteps):
         if self.memory:
             self.need(carry=rebound.overlap_carry_kernel, others=rebound.other_push_kernel)
         self.before: Any = wp.zeros_like(b.state.x) if self.memory else None     # anchors before a search
-        self.start: Any = None
+        self.start = self.ties = None    # type: Any        # ties: `wsim.physics.rigid.touch.point_ties.PointTies`
         self.half: HalfStepMomenta | None = None
         self.surfaces = False            # True: their sweeps come behind the last iteration
 
     def need(self, **factories: Any) -> None:
         """Makes kernels that are launched by name."""
-        model = self.model
         for name, make in factories.items():
-            module = model.module
+            module = self.model.module
             if make in (stars.star_solve_kernel, exchange.point_impulse_kernel) and self.lanes > 1:
-                module = model.module_of(self.lanes)     # blocks of another size stand in a module of their own
+                module = self.model.module_of(self.lanes)     # blocks of another size stand in a module of their own
             if name not in self.kernels:
                 self.kernels[name] = make(module) if make is groups.group_bound_kernel else make(self.real, module)
 
@@ -132,13 +130,13 @@ class BodyPointContacts(RigidSubsteps):
             ball=array(np.concatenate([rows.centers()[rows.collider[row]], radius[:, None]], 1), wp.vec4d),
             origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d),
             object=array(origins, wp.vec3d), of=table.owner, restitution=table.restitution)
+        self.ties = make_point_ties(self, row, bodies)
         self.room()
-        size = self.room_for * 100
         listing, solving = self.worlds.launches if self.worlds else (4, (6 + (not self.alone)) * self.rounds)
-        contact.stages[0].launches += 1 + listing
+        contact.stages[0].launches += 1 + listing + bool(self.ties)
         contact.stages[1].launches += solving - 1
         if self.rises:
-            contact.stages.append(Stage("touch: velocities", "solve", self.first, 6, size, what="of points that push bodies"))
+            contact.stages.append(Stage("touch: velocities", "solve", self.first, 6, 100 * self.room_for, what="by bodies"))
 
     def room(self) -> None:
         """Arrays for as many contacts as there are slots."""
@@ -207,6 +205,8 @@ class BodyPointContacts(RigidSubsteps):
     def listed(self, clock: Clock) -> None:
         """Lists contacts in the order of bodies, behind a search."""
         slots = self.contacts.slots
+        if self.ties:
+            self.ties.write(clock)
         if self.start is not None:
             self.model.copy(self.start, self.state.e)
         if self.memory:

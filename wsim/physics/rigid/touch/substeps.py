@@ -10,6 +10,7 @@ import warp as wp
 from wsim.kernels.rigid.touch.step import touch_step, touch_sweep
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.physics.rigid.solids import asks_for_sleep
+from wsim.scene.attachments import body_ties
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -78,3 +79,12 @@ class RigidSubsteps:
         self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
         if clock.k + 1 == clock.substeps:
             own.keep()
+
+
+def make_point_ties(touch, row, bodies):
+    """`PointTies` of the points of a scene that are tied to bodies, or None."""
+    model = touch.model
+    if not any(body_ties(model.scene, body.path) for body in model.bodies):
+        return None
+    from wsim.physics.rigid.touch.point_ties import PointTies
+    return PointTies(touch, row, bodies)

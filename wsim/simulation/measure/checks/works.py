@@ -49,7 +49,7 @@ class WorkOfSubsteps:
         self.wind = True
 
     def add_colliders(self, paths: list[str]) -> None:
-        from wsim.kernels.contact.project import collider_work_kernel
+        from wsim.kernels.contact.penetration import collider_work_kernel
         kernel, own = collider_work_kernel(self.model.real, self.model.module), self.contacts
         rows = own.rows
         outside: Any = wp.array(np.array([rows.colliders[k].path in paths for k in rows.collider], np.int32), dtype=int,
