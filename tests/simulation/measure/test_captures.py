@@ -53,7 +53,7 @@ def test_substeps_in_a_loop_have_the_bits_of_substeps_one_by_one(made, monkeypat
     found, counts = [], []
     launch = launches.KernelLaunches.launch
     for many in (1 << 60, 0):
-        monkeypatch.setattr(launches, "MANY", many)
+        monkeypatch.setattr(launches, "LOOP_LAUNCHES", many)
         (scene, frames), count = made(), [0]
 
         def counted(model, *given, count=count):
