@@ -30,17 +30,19 @@ CLASSES = {c.__name__: c for c in (*PUBLIC.values(), *(getattr(scenes, n) for n 
 
 
 def explained(cls: type) -> dict[str, str]:
-    """{field: what the docstring says of it} in a table of two columns."""
-    found, last = {}, None
+    """{field: what the docstring says of it} in a table of two columns; a line may have several: "a, b   text; c: text"."""
+    found, last = {}, ()
     for line in inspect.getdoc(cls).splitlines()[1:]:
-        if match := re.match(r"(\w+) {2,}(\S.*)", line):
-            last = match[1]
-            found[last] = match[2]
+        if match := re.match(r"(\w+(?:, \w+)*) {2,}(\S.*)", line):
+            last = match[1].split(", ")
+            found |= dict.fromkeys(last, match[2])
         elif last and line.startswith("   "):
-            found[last] += " " + line.strip()
+            found |= {name: f"{found[name]} {line.strip()}" for name in last}
         else:
-            last = None
-    return found
+            last = ()
+    names = {field.name for field in fields(cls)}
+    return found | {match[1]: match[2] for text in found.values() for match in re.finditer(r"; (\w+): ([^;]+)", text)
+                    if match[1] in names - set(found)}
 
 
 def test_every_public_name_has_a_docstring():

@@ -128,7 +128,7 @@ class Collider(ArrayDataclass):
     path                prim path
     shape               Plane (of axis X or Y: one of axis Z in a turned frame), Sphere, Box, Capsule, Cylinder, Cone, Surface
     motion              own frame to world over time, rigid, lengths [m]; a scale belongs into the shape's sizes
-    static_friction     coefficient of friction [1] up to which a contact sticks; dynamic_friction: of one that slides
+    static_friction     coefficient of friction [1] up to which a contact sticks; dynamic_friction: of one that slides [1]
     thickness           kept free around it [m], besides half of the cloth's own; None: what hides chords, see wsim/scene/check/
     restitution         share of the speed along its normal with which a point rebounds [1], 0 to 1
     meets               False, of a rigid body's: it has mass and touches nothing

@@ -55,7 +55,7 @@ class Profile:
 
     @property
     def values(self) -> np.ndarray:
-        """What was seen, (k, m) [m]."""
+        """Heights that were seen, (k, m) [m]."""
         return self.heights
 
     def prepare(self, model) -> None:

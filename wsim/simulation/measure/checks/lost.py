@@ -65,7 +65,7 @@ def drop_worlds(sim: Simulation) -> bool | None:
 
 
 def hold_lost_worlds(sim: Simulation) -> None:
-    """Before a frame: what is lost and cannot be held stands at its start."""
+    """Puts what is lost and cannot be held where it started, before a frame."""
     if sim.lost and has_other_objects(sim.scene):
         begin_again(sim, set(sim.lost), held=True)
 
