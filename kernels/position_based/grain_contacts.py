@@ -20,6 +20,9 @@ from wsim.kernels.position_based.neighbours import neighbour_structs
 SLOP = 1e-3            # of R_i + R_j: overlap that is left alone, so that contacts last
 NEAR = 0.05            # of R_i + R_j: gap up to which a pair may touch in the iterations of a substep
 RELAXED = 1.0          # over one more than a grain's overlaps: part of their sum that a substep takes away
+DEEP = 0.1             # of R_i + R_j: overlap beyond which contacts part pairs too, and give them the velocity of that,
+PARTED = 0.1           # by this part of the rest in a substep,
+QUICK = 0.01           # and by this part of R_i + R_j at most
 TOLD = 2e-3            # of R_i + R_j: overlap that is told
 FAR = 4.0              # of a radius: way in a substep from which grains may pass through others
 FASTEST = 0.2          # of the least radius: way of an overlap's correction in a substep
@@ -153,7 +156,6 @@ def contact_kernel(real, module):
                     q.other[at * q.size + k] = other
                 m += 1
         q.count[k] = wp.min(m, q.room)
-        g.split[k] = real(m) * g.w[rows.point[p]]
         if m > q.room:
             wp.atomic_max(q.wanted, 0, m)
 
@@ -171,6 +173,7 @@ def warm_kernel(real, module):
         p = c.order[k]
         y = g.y[k]
         given = t.vec3()
+        pressed = real(1.0)
         old = int(0)
         for s in range(q.count[k]):
             slot = s * q.size + k
@@ -191,11 +194,17 @@ def warm_kernel(real, module):
                 else:
                     L = t.vec3()
             q.n[slot] = n
-            q.b[slot] = wp.max(D - rows.reach[p] - rows.reach[o], real(0.0))
+            R = rows.reach[p] + rows.reach[o]
+            gap = D - R
+            deep = gap + real(DEEP) * R
+            q.b[slot] = wp.max(gap, real(0.0)) + wp.max(real(PARTED) * wp.min(deep, real(0.0)), -real(QUICK) * R)
             q.L[slot] = L
             given += L
+            if wp.length_sq(L) > real(0.0) or q.b[slot] + wp.dot(n, g.u[k] - g.u[q.other[slot]]) < real(0.0):
+                pressed += real(1.0)
         i = rows.point[p]
         d_out[i] = d_out[i] + g.w[i] * given
+        g.split[k] = pressed * g.w[i]
 
     return wp.kernel(start_grain_contacts, name=f"grains_warm_{t.name}", module=module, enable_backward=False)
 

@@ -144,10 +144,10 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "implicit": _reason_for_solver("implicit"),
     "xpbd": _reason_for_xpbd,
     "shape_matching": lambda b: "bodies keep their shape in clusters" * any(body.is_cluster for body in b.scene.bodies()),
-    "grains": lambda b: f"{n} grains" if (n := sum(body.count for body in b.model.bodies
-                                                   if getattr(body.source, "collides_as_grains", False))) else "",
-    "density": lambda b: f"{n} particles of a fluid" if (n := sum(body.count for body in b.model.bodies
-                                                                  if getattr(body.source, "is_fluid", False))) else "",
+    "grains": lambda b: "particles touch" if any(body.collides_as_grains for body in b.scene.bodies()) or (
+        {True, False} == {body.is_particles for body in b.scene.bodies()}) else "",
+    "density": lambda b: "constraints keep a fluid's density" * any(body.is_particles and body.is_fluid
+                                                                    for body in b.scene.bodies()),
     "contact": _reason_for_contact,
     "selfcontact": lambda b: "surfaces collide with themselves" if has_self_collision(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",

@@ -1,4 +1,5 @@
-"""Contacts of grains in a plan: found in phase collide, solved in every iteration. See kernels/position_based/grains.py."""
+"""Contacts of grains in a plan, with each other and with points of other bodies (meeting.py): found in phase collide, solved in
+every iteration. See kernels/position_based/grains.py."""
 
 from __future__ import annotations
 
@@ -13,7 +14,9 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
+from wsim.physics.position_based.meeting import ball_groups, ball_radii, meeting_bodies
 from wsim.physics.position_based.neighbours import NeighbourSearch, ParticleLaunches, SearchedPoints
+from wsim.scene import Problem
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -38,9 +41,12 @@ class GrainContacts(Method):
     def __init__(self, b: Build):
         super().__init__("grains")
         self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
-        self.bodies = [body for body in b.model.bodies if getattr(body.source, "collides_as_grains", False)]
+        self.bodies = meeting_bodies(b.model)
         launches = self.launches = ParticleLaunches(b.model, "grains")
-        points = SearchedPoints.of(self.bodies, [body.reach for body in self.bodies], [-1] * len(self.bodies))
+        radii, coarse = ball_radii(self.bodies)
+        points = SearchedPoints.of(self.bodies, radii, ball_groups(self.bodies))
+        said = "is a mesh too coarse to stop the smallest particles; give it more points, or larger particles"
+        self.offers.start_warnings = [Problem(path, said, fatal=False) for path in dict.fromkeys(coarse)]
         self.most = pairs.FASTEST * float(points.reach.min())
         self.search = NeighbourSearch(launches, points, SKIN * 2.0 * float(points.reach.max()), NEIGHBOURS)
         self.count = n = self.search.count

@@ -84,8 +84,8 @@ class Particles(Deformable):
         self.colors = None if self.colors is None else np.array(self.colors, np.float64)
 
     @property
-    def is_fluid(self) -> bool:
-        """True if constraints keep its density."""
+    def is_fluid(self) -> bool:                                        # type: ignore[override]
+        """See `Deformable`."""
         return isinstance(self.material, ConstraintFluid)
 
     @property

@@ -1,4 +1,4 @@
-"""Prims with WsimParticlesAPI <-> `Particles`: Points, whose widths are diameters, or closed shapes that particles fill."""
+"""Prims with WsimParticlesAPI <-> `Particles`: Points, whose widths are diameters."""
 
 from dataclasses import fields
 from typing import Any
@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from wsim.physics.contact.collider.cloud_usd import has_source_shape, load_source_shape
-from wsim.physics.position_based.objects import MATERIALS, Particles, fill_with_particles
+from wsim.physics.position_based.objects import MATERIALS, Particles
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute, to_usd_array
@@ -22,19 +21,11 @@ def load(reading: StageReading, prim: Usd.Prim) -> Particles | None:
     radius = read_attribute(prim, "Particles", "radius", units)
     if material is None:
         return None
-    if prim.IsA(UsdGeom.Points):
-        return _load_points(reading, prim, material, radius)
-    if not has_source_shape(prim):
+    if not prim.IsA(UsdGeom.Points):
         kind = prim.GetTypeName() or "prim without type"
-        reading.fail(path, f"is a {kind} with {names.WSIM_PARTICLES}; author it on Points, or on a closed shape")
+        reading.fail(path, f"is a {kind} with {names.WSIM_PARTICLES}; author it on Points: scene.particles fills a shape")
         return None
-    if radius is None:
-        reading.fail(path, "has no wsim:particles:radius; author the radius of the particles that fill it")
-        return None
-    shape = load_source_shape(reading, prim)
-    if shape is None:
-        return None
-    return Particles(path, fill_with_particles(path, shape[0], radius, material), radius, material, shape[1])
+    return _load_points(reading, prim, material, radius)
 
 
 def _load_points(reading: StageReading, prim: Usd.Prim, material: Any, radius: float | None) -> Particles | None:

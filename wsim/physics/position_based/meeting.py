@@ -1,0 +1,55 @@
+"""Which points touch each other as balls: grains, and in their company points of all other bodies.
+
+A point of a cloth or net is a ball about it, as in Macklin et al. 2014, and large enough that no grain passes between: the hole
+in a triangle of circumradius c, and in the middle of an edge of 2 c, is closed by balls of c - CLOSED R for grains of radius R.
+The points of a body do not touch each other so: cloth has self-contact, a fluid its pressure. NumPy only.
+"""
+
+import numpy as np
+
+from wsim.model.model import Model, PointBody
+
+CLOSED = 0.2           # of a grain's radius that may stand in a hole
+LARGEST = 3.0          # grains' radii that the ball of a point may have: a coarser mesh has holes, and is warned of
+
+
+def meeting_bodies(model: Model) -> list[PointBody]:
+    """Bodies whose points touch as balls: none where there are no particles, or a fluid alone."""
+    grains = [body for body in model.bodies if body.source.collides_as_grains]
+    particles = [body for body in model.bodies if body.source.is_particles]
+    return list(model.bodies) if particles and (grains or len(particles) < len(model.bodies)) else []
+
+
+def ball_radii(bodies: list[PointBody]) -> tuple[list[np.ndarray], list[str]]:
+    """Radius of each point of the bodies [m], and paths of those whose meshes are too coarse to stop the smallest particle."""
+    least = min(float(body.reach.min()) for body in bodies if body.source.is_particles)
+    radii, coarse = [], []
+    for body in bodies:
+        reach = body.reach.astype(np.float64)
+        if not body.source.is_particles:
+            wanted = np.maximum(reach, _hole_radii(body) - CLOSED * least)
+            reach = np.minimum(wanted, max(LARGEST * least, float(reach.max(initial=0.0))))
+            coarse += [body.path] * bool(np.any(reach < wanted) and body.world == 0)
+        radii.append(np.maximum(reach, 1e-3 * least))
+    return radii, coarse
+
+
+def ball_groups(bodies: list[PointBody]) -> list[int]:
+    """Group of each body, whose points do not touch each other: one of all fluids, one of each body else; -1: grains."""
+    return [-1 if body.source.collides_as_grains else 0 if body.source.is_particles else 1 + body.number for body in bodies]
+
+
+def _hole_radii(body: PointBody) -> np.ndarray:
+    """Radius of the largest hole at each point of a mesh at rest [m], (points,)."""
+    found, rest = np.zeros(body.count), body.rest.astype(np.float64)
+    edges = body.edges - body.first
+    if len(body.triangles):
+        triangles = body.triangles - body.first
+        a, b, c = (rest[triangles[:, k]] for k in range(3))
+        sides = [np.linalg.norm(x - y, axis=1) for x, y in ((b, c), (c, a), (a, b))]
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        hole = np.minimum(sides[0] * sides[1] * sides[2] / np.maximum(4.0 * area, 1e-30), np.max(sides, axis=0))
+        np.maximum.at(found, triangles, hole[:, None])
+    elif len(edges):
+        np.maximum.at(found, edges, 0.5 * np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)[:, None])
+    return found
