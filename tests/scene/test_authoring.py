@@ -44,7 +44,7 @@ def test_a_file_keeps_them(tmp_path):
 
 @pytest.mark.parametrize("wrong, said", [
     (lambda s: s.joint("ball", "/j", "/post"), "kind is 'ball'; allowed is one of fixed, revolute, prismatic, spherical"),
-    (lambda s: s.joint("fixed", "/j", "/gate"), "which is no rigid body of the scene; there are: /post, /door"),
+    (lambda s: s.joint("fixed", "/j", "/gate"), "which is no rigid body or collider of the scene; there are: /post, /door"),
     (lambda s: s.collider("/b", Sphere(0.1), motion=(0, 1, 0)), "motion is .0, 1, 0.; allowed is a Motion"),
     (lambda s: s.body("/b", Sphere(0.1), at=(0, 1, 0), motion=wsim.Motion.still()), "beside a motion, which says where it is")])
 def test_what_is_none_is_refused(wrong, said):

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["Box", "Capsule", "Collider", "Cone", "Cylinder", "Deformable", "Load", "Motion", "Pin", "Plane", "Problem", "Scene",
            "SceneError", "Shape", "Sphere", "Surface", "Tie", "Varying"]
 
-COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation",
-                   "solref", "solimp")                                                                    # of a body's shape
+COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation", "solref", "solimp")
+NOUNS = {"onto": "collider", "body": "body with points"}
 
 
 def _motion_or_placement(path: str, at, more: dict) -> Motion:
@@ -74,8 +74,8 @@ class Scene(ArrayDataclass):
     coordinates     of bodies with joints: "auto", "maximal" (each body has six) or "reduced" (those of the joints)
     sleep_speed     speed of rigid bodies under which an island goes to sleep [m/s]; 0: none does
     error           wanted RMS error of positions over the scene's size [1], for "auto"
-    objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `clusters`, `body`, `joint`,
-                    `rods`, `smoke`, `liquid`, `mpm`, `add`
+    objects         what methods simulate, {class name: list}; `scene.cloth(...)`, `net`, `soft`, `clusters`, `particles`,
+                    `body`, `joint`, `rods`, `smoke`, `liquid`, `mpm`, `add`
     colliders       list of `Collider`; `scene.collider(...)`
     pins, ties      lists of `Pin`, `Tie`; `scene.pin(...)`, `scene.tie(...)`
     loads           list of `Load`; `scene.force(...)`, `scene.traction(...)`
@@ -187,9 +187,9 @@ class Scene(ArrayDataclass):
         return self.add(method_file("Body", "objects").Body(path, **more))
 
     def joint(self, kind: str, path: str, body0=None, body1=None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Any:
-        """Adds a joint (`wsim.Joint`) of two rigid bodies, or their paths; None: the world. kind: "fixed", "revolute" (turns
-        about `axis`), "prismatic" (slides along it) or "spherical"; at, axis (3,): in the world [m]. more: low and high [rad]
-        or [m], between which it turns or slides, and fields of `Joint`. Raises SceneError for another kind or body."""
+        """Adds a joint (`wsim.Joint`) of two rigid bodies, or a body and a collider, which may move by keys, or their paths;
+        None: the world. kind: "fixed", "revolute" (turns about `axis`), "prismatic" (slides along it), "spherical". at, axis
+        (3,): world [m]. more: low, high [rad] or [m], fields of `Joint`. Raises SceneError for another kind or body."""
         ends = [self._rigid_body_at(path, body) for body in (body0, body1)]
         return self.add(method_file("Joint", "joints.joint").joint_of_kind(kind, path, *ends, at=at, axis=axis, **more))
 
@@ -198,16 +198,16 @@ class Scene(ArrayDataclass):
         return method_file("Joint", "joints.actuators.actuator").add_actuator(self, kind, path, joint, control, **more)
 
     def _rigid_body_at(self, path: str, body) -> Any:
-        """A rigid body by its path."""
-        return self._named(path, "body", body, self.things("Body"), "rigid body") if isinstance(body, str) else body
+        """A rigid body, or a collider, by its path."""
+        return body if not isinstance(body, str) else self._named(
+            path, "body", body, [*self.things("Body"), *self.colliders], "rigid body or collider")
 
     @staticmethod
     def _named(path: str, name: str, wanted, things: list, noun: str = "") -> Any:
         """The one of some things whose path is wanted by an argument of that name."""
         found = next((each for each in things if each.path == wanted), None)
         if found is None:
-            noun = noun or {"onto": "collider", "body": "body with points"}[name]
-            there = (", ".join(each.path for each in things) or "none")[:160]
+            noun, there = noun or NOUNS[name], (", ".join(each.path for each in things) or "none")[:160]
             raise SceneError(Problem(path, f"{name} is {wanted!r:.60}, which is no {noun} of the scene; there are: {there}"))
         return found
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import wsim
 from tests.make.physics.joints.beside import link, run
 from tests.physics.joints.make import errors, places, rod
 from wsim.physics.rigid.joints.joint import fixed_joint, spherical_joint
@@ -57,3 +58,16 @@ def test_a_joint_breaks_over_its_force_and_not_below(precision):
         sim.run(30)
         ends.append(places(sim)[0][1])
     assert abs(ends[0] + 1.0 + 0.5 * 9.81 * 0.25) < 0.02 and abs(ends[1] + 1.0) < 1e-6
+
+
+@pytest.mark.parametrize("by_path", [False, True])
+def test_a_joint_on_a_collider_goes_with_its_motion(by_path):
+    scene = wsim.Scene(fps=24)
+    way = wsim.Motion.through([0.0, 0.2, 0.4], [(0.1, 0.2, 0), (0.3, 0.2, 0), (0.3, 0.2, 0.2)])
+    cart = scene.collider("/cart", wsim.Box((0.1, 0.05, 0.1)), motion=way)
+    pole = scene.body("/pole", wsim.Box((0.02, 0.2, 0.02)), at=(0.1, 0.5, 0))
+    scene.joint("revolute", "/hinge", "/cart" if by_path else cart, pole, at=(0.1, 0.3, 0), axis=(0, 0, 1))
+    simulation = wsim.Simulation(scene, device="cpu", precision="float64")
+    simulation.run(8)
+    foot = simulation.poses("/pole")["/pole"] @ [0.0, -0.2, 0.0, 1.0]
+    assert np.abs(foot[:3] - (way.at(8 / 24)[:3, 3] + [0.0, 0.1, 0.0])).max() < 1e-9

@@ -32,7 +32,8 @@ def _check_joint_bodies(joint: Joint, scene: Scene) -> Iterator[Problem]:
     for body in (joint.body0, joint.body1):
         if body and body not in bodies:
             yield thing_error(path, f"joins {body}, which is no rigid body that moves", "a body of the scene, or \"\"",
-                               "name a prim with PhysicsRigidBodyAPI, or add the body")
+                              "name a prim with PhysicsRigidBodyAPI, or add the body; what keyframes move is a collider: "
+                              "scene.joint(kind, path, collider, body)")
     if joint.body0 and joint.body1 and joint.still:
         yield thing_error(path, f"joins two bodies and hangs on {joint.still}", "two sides", "take one of them out")
     yield from check_rigid_motion(path, joint.motion, "what a joint hangs on keeps its size: take the scale out of its motion")

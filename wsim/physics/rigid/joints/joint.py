@@ -21,6 +21,7 @@ from wsim.physics.rigid.objects import Body, vector3_or_none
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Motion
+from wsim.scene.solids import Collider
 
 SHIFTS, TURNS = ("transX", "transY", "transZ"), ("rotX", "rotY", "rotZ")
 AXES = (*SHIFTS, *TURNS)
@@ -144,14 +145,18 @@ class Joint(ArrayDataclass):
         return name in self.limits and self.limits[name][0] >= self.limits[name][1]
 
 
+Jointed = Body | Collider | None            # what a joint may join; None: the world
+
+
 def locked_limits_except(*but: str) -> dict[str, tuple[float, float]]:
     """Limits that lock every shift and turn but those named."""
     return {name: LOCKED for name in AXES if name not in but}
 
 
-def joint_between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Joint:
-    """A joint of two bodies as they stand, None for the world; its frames agree, at a place `at` (3,) [m] of the world, with x
-    along `axis`. more: fields of `Joint`."""
+def joint_between(path: str, body0: Jointed, body1: Jointed, at=(0.0, 0.0, 0.0),
+                  axis=(1.0, 0.0, 0.0), **more) -> Joint:
+    """A joint of two bodies as they stand, None for the world, or of a body and a collider, with whose motion it goes. Its
+    frames agree, at a place `at` (3,) [m] of the world, with x along `axis`. more: fields of `Joint`."""
     x = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
     y /= np.linalg.norm(y)
@@ -161,30 +166,32 @@ def joint_between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.
     for k, body in enumerate((body0, body1)):
         M = np.eye(4) if body is None else body.motion.at(0.0)
         R = M[:3, :3]
-        more[f"body{k}"] = "" if body is None else body.path
+        if isinstance(body, Collider):
+            more |= {"motion": body.motion, "still": body.path}
+        more[f"body{k}"] = "" if body is None or isinstance(body, Collider) else body.path
         more[f"at{k}"] = R.T @ (np.asarray(at, np.float64) - M[:3, 3])
         more[f"turn{k}"] = rotation.quat_product(rotation.quat_conjugate(rotation.matrix_quat(R)), q)
     return Joint(path, **more)
 
 
-def fixed_joint(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+def fixed_joint(path: str, body0: Jointed, body1: Jointed, **more) -> Joint:
     """Neither shift nor turn; see `joint_between`."""
     return joint_between(path, body0, body1, limits=locked_limits_except(), **more)
 
 
-def revolute_joint(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
+def revolute_joint(path: str, body0: Jointed, body1: Jointed, low: float = -inf, high: float = inf, **more) -> Joint:
     """A turn about `axis` alone, between angles [rad]; see `joint_between`."""
     limits = locked_limits_except("rotX") | _limits_or_none("rotX", low, high)
     return joint_between(path, body0, body1, limits=limits, **more)
 
 
-def prismatic_joint(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
+def prismatic_joint(path: str, body0: Jointed, body1: Jointed, low: float = -inf, high: float = inf, **more) -> Joint:
     """A shift along `axis` alone, between lengths [m]; see `joint_between`."""
     limits = locked_limits_except("transX") | _limits_or_none("transX", low, high)
     return joint_between(path, body0, body1, limits=limits, **more)
 
 
-def spherical_joint(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+def spherical_joint(path: str, body0: Jointed, body1: Jointed, **more) -> Joint:
     """Turns alone, `axis` within a `cone` where that is given; see `joint_between`."""
     return joint_between(path, body0, body1, limits=locked_limits_except(*TURNS), **more)
 
@@ -197,7 +204,7 @@ def _limits_or_none(name: str, low: float, high: float) -> dict[str, tuple[float
 KINDS = {"fixed": fixed_joint, "revolute": revolute_joint, "prismatic": prismatic_joint, "spherical": spherical_joint}
 
 
-def joint_of_kind(kind: str, path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+def joint_of_kind(kind: str, path: str, body0: Jointed, body1: Jointed, **more) -> Joint:
     """A joint of KINDS. Raises SceneError for another kind."""
     if kind not in KINDS:
         allowed = f"{', '.join(KINDS)}; for any other, scene.add(wsim.Joint(...))"
