@@ -181,7 +181,8 @@ def _check_sweep_damping(scene: Scene) -> Iterator[Problem]:
 
 def _check_prim_paths(scene: Scene) -> Iterator[Problem]:
     if not scene.bodies() and not has_method_objects(scene):
-        yield thing_error("/", "nothing here can move: no cloth, springs, soft body, rods, rigid body, smoke or liquid",
+        yield thing_error("/", "nothing here can move: no cloth, springs, soft body, clusters, particles, rods, rigid body, "
+                          "smoke, liquid or material points",
                            "at least one", "add one, as by scene.cloth(...); in USD, `wsim new cloth MESH -o SCENE` shows how")
     named: list = [*scene.bodies(), *scene_skins(scene), *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
                    *(thing for _, thing in each_method_object(scene))]
@@ -259,7 +260,10 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
                                  "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
         pieces = np.unique(label[label >= 0])
         loose = np.setdiff1d(pieces, label[held])
-        if len(pieces) > 1 and len(loose) and not body.is_particles:
+        if body.is_cluster and len(pieces) > 1 and len(loose):
+            yield object_warning(path, f"its clusters make {len(pieces)} pieces that share no points, and part", "one piece",
+                                 "give a larger spacing or overlap; in USD wsim:clusterSpacing, wsim:clusterOverlap")
+        elif len(pieces) > 1 and len(loose) and not body.is_particles:
             yield object_warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
                                  "one piece, or pieces meant to fall apart",
                                  "make their points shared ones, pin each of them, or split the mesh"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.soft.clusters.lattice import cube_points
-from wsim.scene import Scene, SceneError
+from wsim.scene import Scene, SceneError, shapes
 from wsim.simulation.simulation import Simulation
 
 CUBE = cube_points(3, 0.1)
@@ -50,3 +50,19 @@ def test_gradients_raise_by_name():
     scene.clusters("/jelly", CUBE, mass=1.0)
     with pytest.raises(SceneError, match="/jelly.*gradients do not go through shape matching"):
         Simulation(scene, device="cpu", gradients=True)
+
+
+@pytest.mark.parametrize("spacing, parts", [(0.08, True), (0.1, False)])
+def test_clusters_without_common_points_are_told_to_part(spacing, parts):
+    scene = Scene()
+    scene.clusters("/jelly", shapes.block((0.12, 0.12, 0.12), 3, at=(0, 0.3, 0))[0], mass=1.0, spacing=spacing)
+    told = [w for w in Simulation(scene, device="cpu").warnings if "share no points" in w]
+    assert len(told) == parts and all("wsim:clusterOverlap" in w for w in told)
+
+
+def test_clusters_that_pass_through_cloth_are_told():
+    scene = Scene()
+    scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 4, 4, horizontal=True), self_collision=True)
+    scene.clusters("/jelly", CUBE + [0, 1, 0], mass=1.0)
+    told = Simulation(scene, device="cpu").warnings
+    assert any("/jelly: it has no self_collision: it passes through /sheet" in w for w in told)

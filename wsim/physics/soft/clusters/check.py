@@ -15,6 +15,7 @@ from wsim.scene.check.objects import (
     check_placement,
     check_point_array,
     check_point_masses,
+    object_warning,
     thing_error,
 )
 
@@ -29,7 +30,7 @@ def check(thing: Clusters, scene: Scene) -> list[Problem]:
     if not found:
         found += [*check_object_size(path, thing.motion.points(thing.points)), *check_float32_rounding(path, thing.points)]
     found += check_point_array(path, "velocities", thing.velocities, (n,))
-    found += [*_check_masses(thing), *_check_numbers(thing), *_check_surface(thing)]
+    found += [*_check_masses(thing), *_check_numbers(thing), *_check_surface(thing, scene)]
     named = list(_check_members(thing))
     found += named
     if not any(p.fatal for p in found):
@@ -42,7 +43,7 @@ def _check_masses(thing: Clusters) -> Iterator[Problem]:
     if thing.masses is None and not (thing.mass is not None and 0.0 < thing.mass < inf):
         said = "no mass" if thing.mass is None else f"a mass of {thing.mass:g} kg"
         yield thing_error(path, f"it has {said}", "mass [kg] of the whole, finite and > 0, or masses of its points",
-                          "give mass=1.0, say; in USD physics:mass")
+                          "give mass=1.0, say; in USD physics:mass of PhysicsDeformableBodyAPI")
         return
     bad = list(check_point_array(path, "masses", thing.masses, (n, 1), 0.0, True))
     yield from bad or check_point_masses(path, thing.point_masses())
@@ -63,7 +64,7 @@ def _check_numbers(thing: Clusters) -> Iterator[Problem]:
         yield thing_error(path, f"overlap is {thing.overlap:g}", "0 to 1 of the spacing", "give 0.25, say")
 
 
-def _check_surface(thing: Clusters) -> Iterator[Problem]:
+def _check_surface(thing: Clusters, scene: Scene) -> Iterator[Problem]:
     """Polygons of a surface name its points."""
     path, n, counts = thing.path, len(thing.points), thing.counts.astype(np.int64)
     if (counts < 3).any():
@@ -78,6 +79,11 @@ def _check_surface(thing: Clusters) -> Iterator[Problem]:
     if thing.self_collision and not len(counts):
         yield thing_error(path, "self_collision is on, and it has no surface", "counts and indices of polygons",
                           "give it a surface, or a radius and no self_collision")
+    other = next((body.path for body in scene.bodies() if body.self_collision), None)
+    if other is not None and not thing.self_collision:
+        yield object_warning(path, f"it has no self_collision: it passes through {other}, which has", "self_collision of both",
+                             "give it a surface (counts, indices) and self_collision=True; in USD a Mesh with "
+                             "wsim:selfCollision")
 
 
 def _check_members(thing: Clusters) -> Iterator[Problem]:
