@@ -3,9 +3,9 @@
 
 from wsim.simulation.duration import percent_of_size
 
-UNITS = {"penetration": "m", "too_near": "m", "overlap": "m", "joint_error": "m", "angle_error": "rad", "divergence": "1/s",
-         "speed": "m/s", "momentum": "kg m/s", "mass": "kg", "smoke": "m^3", "volume": "m^3",
-         "temperature": "K"}                                        # by the end of a name
+UNITS = {"penetration": "m", "too_near": "m", "grain_overlap": "of the distance of centres", "overlap": "m", "joint_error": "m",
+         "angle_error": "rad", "divergence": "1/s", "speed": "m/s", "momentum": "kg m/s", "mass": "kg", "smoke": "m^3",
+         "volume": "m^3", "temperature": "K"}                       # by the end of a name
 # one of what a number counts, by its name in a report
 NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point", "mpm": "material point",
          "substeps": "substep", "iterations": "iteration"}
@@ -51,7 +51,7 @@ def _size_lines(report: dict) -> list[str]:
     device, name = report["device"], report.get("device_name")
     sizes, points = report.get("sizes", {}), report.get("points", "?")
     what = [f"{points} points and {report.get('constraints', '?')} constraints"] if points else []
-    what += [format_count(n, part) for part, n in sizes.items()]
+    what += [format_count(n, part) for part, n in sizes.items() if part != "grains"]       # they are points
     drops = report.get("error", {}).get("liquid_particles")
     what += [f"{drops:.0f} particles of liquid"] if drops else []
     lines = [f"{report['frames']} frames{' of ' * bool(what)}{', '.join(what)} on {device}"

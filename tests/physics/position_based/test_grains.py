@@ -233,3 +233,17 @@ def test_others_take_the_momentum_that_grains_lose(other):
         body = simulation.model.body("/other")
         after = after + body.point_masses @ simulation.velocities("/other")
     assert np.abs(after - m * v[0]).max() < 1e-6 * m
+
+
+@pytest.mark.parametrize("given, said", [
+    ({"radius": "1cm"}, "radius is '1cm'; allowed is one length > 0"),
+    ({"radius": 1e-5}, "allowed are 3e[+]07; fix: give a radius of"),
+    ({"shape": wsim.Plane()}, "a Plane has no end to fill"),
+    ({"shape": None}, "has neither a shape nor points"),
+    ({"points": np.zeros((1, 3))}, "has a shape and points"),
+    ({"dynamic_friction": 0.3}, r"fix: give material=Grains\(dynamic_friction=0.3\)"),
+    ({"viscosity": 0.3}, r"fix: give material=ConstraintFluid\(viscosity=0.3\)")])
+def test_wrong_arguments_of_particles_are_one_line(given, said):
+    with pytest.raises(SceneError, match=f"^/grains: .*{said}") as error:
+        Scene().particles("/grains", **{"shape": wsim.Box((0.05, 0.05, 0.05))} | given)
+    assert len(str(error.value).splitlines()) == 1

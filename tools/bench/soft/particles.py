@@ -35,7 +35,7 @@ def heap(radius: float, frames: int, substeps: int, iterations: int) -> None:
             rings = np.linspace(0.2, 0.95, 9) * np.quantile(out, 0.98)
             crest = [x[(out >= a) & (out < b), 1].max() for a, b in zip(rings[:-1], rings[1:], strict=True)]
             slope = -np.polyfit(0.5 * (rings[1:] + rings[:-1]), crest, 1)[0]
-            overlap = simulation.report(profile=False)["error"].get("overlap", 0.0)
+            overlap = simulation.report(profile=False)["error"].get("grain_overlap", 0.0)
             print(f"{frame / 60:6.1f} s  {1e3 * spent / 30:6.1f} ms  v {v.max():.1e} m/s  overlap {overlap:.1e}  slope "
                   f"{slope:.2f}  moved {np.abs(x - before).max():.1e} m", flush=True)
             spent, before = 0.0, x.copy()

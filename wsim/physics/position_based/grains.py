@@ -156,5 +156,5 @@ class GrainContacts(Method):
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """overlap: the greatest in the last frame, over the distance of the centres of what touches [1]; 0 up to 2e-3."""
-        return {"overlap": int(self.status.said(DEEP_WORD)[0]) / 1e6}
+        """grain_overlap: the greatest in the last frame, over the distance of the centres of what touches [1]; 0 up to 2e-3."""
+        return {"grain_overlap": int(self.status.said(DEEP_WORD)[0]) / 1e6}

@@ -1,6 +1,6 @@
 """Position-based particles of a scene, and what they are made of: plain data in SI units, NumPy only."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -123,10 +123,20 @@ class Particles(Deformable):
 
 
 LOOSE = 1.1            # edge of a lattice of grains over their diameter: moved at random in what is left, they fall in a heap
+MOST_PLACES = 3e7      # of the lattice about a shape: some 2 GB while it is filled
 
 
 def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
-    """Particles that fill a shape, or points that `more` has."""
+    """Particles that fill a shape, or points that `more` has. Raises SceneError for both or neither, and for a material's
+    number that is no argument of particles."""
+    from wsim.scene import Problem, SceneError
+    if (shape is None) == ("points" not in more):
+        found = "neither a shape nor points" if shape is None else "a shape and points"
+        raise SceneError(Problem(path, f"has {found}; allowed is one of them; fix: give a shape to fill, or points=..."))
+    for kind in MATERIALS.values():
+        if named := sorted({f.name for f in fields(kind)} & {*more}):
+            raise SceneError(Problem(path, f"{named[0]} is a number of the material; fix: give material="
+                                     f"{kind.__name__}({named[0]}={more[named[0]]!r:.60}), of {kind.__module__}"))
     if shape is not None:
         more["points"] = fill_with_particles(path, shape, radius, more.get("material"))
     return Particles(path, radius=radius, **more)
@@ -137,21 +147,34 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
     [m], each moved at random within what that leaves free. Balls about them lie within a convex shape, and do not overlap.
     Raises SceneError where there is not one radius."""
     from wsim.physics.particles.lattice import index_block, indices_inside_mesh
-    from wsim.scene import Problem, SceneError, Surface
+    from wsim.scene import Plane, Problem, SceneError, Surface
     from wsim.scene.solids import shape_row
-    if np.size(radius) != 1 or not 0.0 < float(radius) < np.inf:
+    if isinstance(radius, str) or np.size(radius) != 1 or not 0.0 < float(radius) < np.inf:
         raise SceneError(Problem(path, f"radius is {radius!r:.60}; allowed is one length > 0 [m] where a shape is filled; fix: "
                                  "give radius=0.01, or points with a radius each"))
+    if isinstance(shape, Plane):
+        raise SceneError(Problem(path, "a Plane has no end to fill; allowed is a closed shape; fix: give a Box, say"))
     loose = 1.0 if material == "fluid" or isinstance(material, ConstraintFluid) else LOOSE
     edge, free = 2.0 * float(radius) * loose, float(radius) * (loose - 1.0)
     if isinstance(shape, Surface):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
+        _check_lattice_size(path, radius, float(np.prod(end - begin, dtype=np.float64)))
         inside = indices_inside_mesh(shape, np.eye(4), begin, end, lambda x: x / edge - 0.5)
         places = (index_block(begin, end)[inside] + 0.5) * edge
     else:
         most = int(np.ceil(float(shape_row(shape).ball(shape)) / edge)) + 1
+        _check_lattice_size(path, radius, (2.0 * most) ** 3)
         size = np.array([np.floor(2.0 * h / edge + 1e-6) for h in getattr(shape, "half", (0.0,) * 3)])
         lattice = (index_block((-most,) * 3, (most,) * 3) + 0.5 * (size % 2 == 0)) * edge
         places = lattice[shape_row(shape).distance(shape, lattice) < -(radius + free) * (1.0 - 1e-6)]
     return places + free * np.random.default_rng(0).uniform(-1.0, 1.0, places.shape)
+
+
+def _check_lattice_size(path: str, radius: Any, places: float) -> None:
+    """Raises SceneError where the lattice about a shape would not fit in memory."""
+    from wsim.scene import Problem, SceneError
+    if places > MOST_PLACES:
+        larger = float(radius) * (places / MOST_PLACES) ** (1.0 / 3.0)
+        raise SceneError(Problem(path, f"radius is {radius:g} m, with which the box about the shape has {places:.3g} places; "
+                                 f"allowed are {MOST_PLACES:.3g}; fix: give a radius of {larger:.2g} m, or a smaller shape"))
