@@ -249,11 +249,10 @@ class RodMethod(Method):
             if (worst := float(left[own].max(initial=0.0))) > float(TOLERANCE):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
                               "{worst} of an edge's length in a substep; give more substeps"))
-                inside = float(deep[own].max())
-                if inside > np.max(rods.diameters):
-                    found.append((("rods deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
-                                  "colliders: these left no room there, or came in one substep; give more room, or smaller "
-                                  "widths"))
+            if (inside := float(deep[own].max(initial=0.0))) > np.max(rods.diameters):
+                found.append((("rods deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
+                              "colliders: these left no room there, came in one substep, or a tight rope pressed on them; "
+                              "give more substeps, more room, or smaller widths"))
         return found + self.touching.frame_warnings() if self.touching else found
 
     # what is told and set

@@ -215,3 +215,18 @@ def test_rings_that_cannot_be_are_refused_in_a_line(points, more, said):
     made, _ = rubber(points, **more)
     with pytest.raises(SceneError, match="/ring.*" + re.escape(said)):
         simulated(made)
+
+
+def test_a_tight_band_that_sinks_into_a_peg_is_told_and_more_substeps_mend_it():
+    depths = []
+    for substeps in (5, 80):
+        scene = Scene(frames=3, substeps=substeps, gravity=(0, 0, 0))
+        points = ring(24, radius=0.0225)
+        scene.rods("/band", points, counts=[24], diameters=0.004, young=1e6, closed=True, rest_points=0.7 * points)
+        scene.collider("/peg", wsim.Cylinder(0.02, 0.05))
+        simulation = wsim.Simulation(scene, device="cpu")
+        simulation.run(2)
+        depths.append(0.022 - np.linalg.norm(simulation.positions("/band")[:, :2], axis=1).min())
+        told = [w for w in simulation.report()["warnings"] if "deep in colliders" in str(w)]
+        assert len(told) == (depths[-1] > 0.004), (depths, told)
+    assert depths[0] > 0.004 and depths[1] < 4e-4, depths
