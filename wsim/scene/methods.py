@@ -278,7 +278,7 @@ def separated_words(name: str) -> str:
 
 
 def _class_noun(name: str) -> str:
-    """Of a class of things, each of which may be many: body, fluid domain; rod prim."""
+    """Of a class of things, or their noun, each of which may be many: body, fluid domain; rod prim, particle prim."""
     words = separated_words(name)
     return f"{words[:-1]} prim" if words.endswith("s") else words
 
@@ -286,7 +286,7 @@ def _class_noun(name: str) -> str:
 def describe_scene_contents(scene) -> str:
     """Text that counts what a scene holds."""
     bodies, deforming = scene.bodies(), deforming_classes()
-    kinds: dict[str, list] = {**{noun: [each for each in bodies if each.noun == noun] for noun in {b.noun: 0 for b in bodies}},
+    kinds: dict[str, list] = {**{_class_noun(n): [b for b in bodies if b.noun == n] for n in {b.noun: 0 for b in bodies}},
                               "skin": scene_skins(scene),
                               "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
                               **{_class_noun(name): found for name, found in scene.objects.items() if name not in deforming}}

@@ -9,6 +9,7 @@ import pytest
 import wsim
 from wsim.physics.position_based.objects import Grains
 from wsim.scene import Scene, SceneError
+from wsim.scene.methods import describe_scene_contents
 
 G = 9.81
 
@@ -247,3 +248,10 @@ def test_wrong_arguments_of_particles_are_one_line(given, said):
     with pytest.raises(SceneError, match=f"^/grains: .*{said}") as error:
         Scene().particles("/grains", **{"shape": wsim.Box((0.05, 0.05, 0.05))} | given)
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_scene_counts_particles_by_the_prim():
+    scene = Scene()
+    for k in range(2):
+        scene.particles(f"/grains{k}", points=[[0.0, k, 0.0]], radius=0.1)
+    assert describe_scene_contents(scene).startswith("2 particle prims; 2 points")

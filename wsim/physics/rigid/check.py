@@ -53,7 +53,8 @@ def _check_rigid_body(body: Body, scene: Scene) -> Iterator[Problem]:
     yield from check_rigid_motion(path, body.motion, "a rigid body has no scale: put it into the sizes of its colliders")
     if body.motion.moves:
         yield thing_error(path, "its motion has several keys", "one, where it starts",
-                           "take the keys away, or author physics:kinematicEnabled, where it is animated")
+                          "take the keys away; what keys move is a collider: scene.collider(path, shape, motion=...), in USD "
+                          "physics:kinematicEnabled")
     if body is scene.things("Body")[0]:
         yield from _check_body_support(body, scene)
     yield from _check_soft_contact_options(body, scene)

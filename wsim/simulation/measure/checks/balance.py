@@ -182,7 +182,8 @@ class EnergyBalance(Method):
         path = max(each, key=lambda name: each[name]) + self.model.of_world(world)
         most = float(self.part.arrays["balance_most"].numpy()[world])
         gained, more = found["gained"], "substeps or iterations" if self.iterates else "substeps"
-        other = ', or solver "implicit" if sweeps do not converge' * (self.terms.solver == "xpbd")
+        only = any(body.source.is_particles for body in self.model.bodies)                 # implicit steps have no particles
+        other = ', or solver "implicit" if sweeps do not converge' * (self.terms.solver == "xpbd" and not only)
         if said == 2:
             return [(("speeds", world), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
                      f"{self.clock.steps} substeps)")]
