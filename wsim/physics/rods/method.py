@@ -252,7 +252,7 @@ class RodMethod(Method):
             if (inside := float(deep[own].max(initial=0.0))) > np.max(rods.diameters):
                 found.append((("rods deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
                               "colliders: these left no room there, came in one substep, or a tight rope pressed on them; "
-                              "give more substeps, more room, or smaller widths"))
+                              "give more room, or smaller widths, or more substeps"))
         return found + self.touching.frame_warnings() if self.touching else found
 
     # what is told and set
