@@ -290,7 +290,8 @@ def test_gradients_through_meshes_and_by_colliders_agree(shape):
         # at 3 rad/s a point comes to an edge of the sheet, where float32 queries name either face: 3e-9 m
         scene = slid(shape, solver, 2.9 if shape == "sheet" else 3.0)
         cpu, gpu = ends(scene, 4, "cpu", "cuda:0", precision="float64")
-        assert np.abs(cpu - gpu).max() < 1e-11
+        # How far a mesh has gone by its own motion is found in float32, whose roundings of 0.15 m are 9e-9: both are as right
+        assert np.abs(cpu - gpu).max() < (2e-8 if shape == "deforming" else 1e-11)
         found = list(gradients(scene, 4))
         for of in (lambda g: g.positions(), lambda g: g.motion("/floor"), lambda g: g.friction("/floor"),
                    lambda g: g.friction("/cloth"), lambda g: g.thickness("/floor")):
