@@ -23,6 +23,8 @@ In a corner layers would count twice: walls together have the part 1 - product o
 
 All particles are corrected at once (Jacobi), omega below 1; they converge over substeps, since pressures last. Of an error that
 is there as a substep begins the part `keep` may stay: a push that takes all of it at once is a velocity, and the fluid boils.
+Where few iterations meet a deep column, pressures would go up without end, and particles with them. So D_i, the change of lam
+in an iteration and what of lam lasts have bounds, the same for both particles of a pair: the fluid is pressed together instead.
 Self-terms and the kernel's slope dilute both: with K = -sum_j r.G_ij / 3 = 0.76 the error of the volume is C / K, and the
 pressure K lam / (g^2 V), its virial.
 """
@@ -44,6 +46,9 @@ from wsim.kernels.position_based.neighbours import neighbour_structs
 
 REACHED = 2.0          # H over d
 LATTICE = 1.2359       # S, of the cubic lattice
+LEAST_SLOPE = 0.05     # d^2 D_i / w at least: 0.066 of two particles at rest, 0.25 of a lattice
+MOST_KEPT = 0.3        # w lam / d^2 that lasts at most: such a pressure moves a neighbour at rest by 0.05 d in a substep
+MOST_CHANGE = 1.0      # the same of its change in an iteration
 WALLS = 3              # of a particle at most: a corner has three
 
 
@@ -116,6 +121,8 @@ def fluid_gather_kernel(real, module):
         f.y[k] = x[i] + rows.shift[p]
         f.u[k] = d[i]
         lam = f.pressure[p] * h * h * f.d * f.d * f.d
+        if f.w[i] > real(0.0):
+            lam = wp.min(lam, real(MOST_KEPT) * f.d * f.d / f.w[i])
         f.lam[k] = lam
         f.change[k] = lam
 
@@ -215,11 +222,12 @@ def fluid_pressure_kernel(real, module):
         k = wp.tid()
         C, G, square, wall = density(f, lists, k, real(1.0))
         w = f.w[rows.point[c.order[k]]]
-        D = w * (wp.dot(G, G) + square)
+        D = w * wp.max(wp.dot(G, G) + square, real(LEAST_SLOPE) / (f.d * f.d))
         lam = f.lam[k]
         new = real(0.0)
-        if D > real(0.0):
-            new = wp.max(lam + f.omega * (C - f.left[k]) / D, real(0.0))
+        if w > real(0.0):
+            most = real(MOST_CHANGE) * f.d * f.d / w
+            new = wp.max(lam + wp.clamp(f.omega * (C - f.left[k]) / D, -most, most), real(0.0))
         f.lam[k] = new
         f.change[k] = new - lam
         f.push[k] = wall

@@ -17,6 +17,7 @@ from wsim.kernels.position_based.density import LATTICE, REACHED, fluid_structs,
 from wsim.kernels.position_based.neighbours import neighbour_structs
 
 FEW = 0.93             # 1 / c
+MOST_RUBBED = 0.1      # of a difference of velocity, by viscosity, of one pair a substep: without it, what nearly meets is thrown
 
 
 @cache
@@ -53,7 +54,8 @@ def flow_viscosity_kernel(real, module):
             r = wp.length(f.y[k] - f.y[other])
             if r < H and r > real(0.0):
                 mean = real(0.5) * (rate + flow[c.order[other]])
-                part = mean[1] * kernel_weight(r, H) - real(2.0 * LATTICE / FEW) * h * mean[0] * kernel_slope(r, H) / r
+                rubbed = -real(2.0 * LATTICE / FEW) * h * mean[0] * kernel_slope(r, H) / r
+                part = mean[1] * kernel_weight(r, H) + wp.min(rubbed, real(MOST_RUBBED))
                 given += part * (f.u[other] - own)
         i = rows.point[p]
         if f.w[i] > real(0.0):
