@@ -17,7 +17,7 @@ from wsim.kernels.position_based.density import LATTICE, REACHED, fluid_structs,
 from wsim.kernels.position_based.neighbours import neighbour_structs
 
 FEW = 0.93             # 1 / c
-MOST_RUBBED = 0.1      # of a difference of velocity, by viscosity, of one pair a substep: without it, what nearly meets is thrown
+MOST_RUBBED = 0.1      # of a difference of velocity, by viscosity, of one pair a substep: what nearly meets is not thrown
 
 
 @cache

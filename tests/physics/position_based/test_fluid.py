@@ -88,8 +88,8 @@ def test_pressure_is_hydrostatic_and_the_volume_stays():
 
 @pytest.mark.parametrize("substeps, iterations", [(2, 4), (4, 1)])
 def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(substeps, iterations):
-    """Eight layers of 1 cm. No particle is faster than one that falls from the surface to the floor; before, speeds went beyond 1e9
-    m/s. Density errors tell what few iterations leave."""
+    """Eight layers of 1 cm. No particle is faster than one that falls from the surface to the floor; before, speeds went beyond
+    1e9 m/s. Density errors tell what few iterations leave."""
     simulation = tank(half=0.08, high=0.08, radius=0.005, substeps=substeps, iterations=iterations)
     simulation.run(24)
     x, v = simulation.positions(), simulation.velocities()
