@@ -107,7 +107,7 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
             collider = load_collider(reading, prim)
             if collider is not None:
                 scene.colliders.append(collider)
-    _load_owned_things(reading, scene, found)
+    _load_owned_things(reading, scene, [other for other in found.others if not other[0].posed])
     by_path = {thing.path: thing for thing in point_objects(scene)}
     above = {str(body.GetPath()): by_path[path] for prim, body in pairs if (path := str(prim.GetPath())) in by_path}
     by_path = {**above, **by_path}
@@ -122,12 +122,13 @@ def _read_scene(reading: stages.StageReading, frames: int | None) -> Scene:
     if found.loads and not failed:
         from wsim.usd.prims.loads import load_applied_force
         scene.loads += [load for prim in found.loads if (load := load_applied_force(reading, prim, by_path)) is not None]
+    _load_owned_things(reading, scene, [other for other in found.others if other[0].posed])     # by what pins asked for
     _sort_things(scene, found.scenes)
     return _finish_scene(reading, scene, found)
 
 
-def _load_owned_things(reading: stages.StageReading, scene: Scene, found: SortedPrims) -> None:
-    for row, prim in found.others:
+def _load_owned_things(reading: stages.StageReading, scene: Scene, others: list) -> None:
+    for row, prim in others:
         given = row.role("usd").load(reading, prim)
         for thing in given if isinstance(given, list) else [given] if given is not None else []:
             scene.add(thing)

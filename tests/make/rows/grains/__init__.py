@@ -3,4 +3,4 @@ are wsim's: `build.colliders`, and five lines of the kernel."""
 
 from wsim.scene.methods import MethodRow
 
-ROW = MethodRow("grains", "tests.make.rows.grains", owns=("Grains",), without="there are no grains")
+ROW = MethodRow("loose_grains", "tests.make.rows.grains", owns=("Grains",), without="there are no grains")

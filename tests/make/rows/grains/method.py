@@ -21,9 +21,10 @@ def build(b) -> Method:
 
 class Lying(Method):
     def __init__(self, b):
-        super().__init__("grains")
+        super().__init__("loose_grains")
         self.model, self.grains = b.model, b.scene.things("Grains")
-        self.part = StatePart.allocate("grains", FIELDS, sum(len(g.places) for g in self.grains), b.model.real, b.model.device)
+        count = sum(len(g.places) for g in self.grains)
+        self.part = StatePart.allocate("loose_grains", FIELDS, count, b.model.real, b.model.device)
         first = np.cumsum([0, *[len(g.places) for g in self.grains]])
         self.part.rows = {(g.path, 0): np.arange(first[k], first[k + 1]) for k, g in enumerate(self.grains)}
         b.state.add(self.part)

@@ -63,7 +63,7 @@ def lying(places, collider: Collider, frames: int, **more) -> tuple[Simulation, 
     sim = Simulation(scene, device="cpu")
     for _ in range(frames):
         sim.step()
-    return sim, sim.state.parts["grains"].arrays["x"].numpy()
+    return sim, sim.state.parts["loose_grains"].arrays["x"].numpy()
 
 
 def test_a_grain_on_a_sphere_stays_where_friction_holds_it_and_slides_off_beyond():

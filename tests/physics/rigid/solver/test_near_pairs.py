@@ -28,7 +28,7 @@ def listed_pairs(monkeypatch, few: int, worlds: int):
         simulation.step()
     contacts = simulation.plan.method("rigid").contacts
     assert (contacts.broad.near is None) == (few == 0)
-    count = int(contacts.broad.first.numpy()[-1])
+    count = int(contacts.broad.first.numpy()[0, -1])
     return np.stack([contacts.list.a.numpy(), contacts.list.b.numpy()])[:, :count], simulation.plan.method("rigid").get("x")
 
 
