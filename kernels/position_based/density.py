@@ -29,9 +29,7 @@ Self-terms and the kernel's slope dilute both: with K = -sum_j r.G_ij / 3 = 0.76
 pressure K lam / (g^2 V), its virial.
 """
 
-# ruff: noqa: UP018
-# int(0) makes a variable of what would be a constant.
-
+# ruff: noqa: UP018       int(0) makes a variable of what would be a constant
 from functools import cache
 from math import pi
 from types import SimpleNamespace
@@ -49,6 +47,7 @@ LATTICE = 1.2359       # S, of the cubic lattice
 LEAST_SLOPE = 0.05     # d^2 D_i / w at least: 0.066 of two particles at rest, 0.25 of a lattice
 MOST_KEPT = 0.3        # w lam / d^2 that lasts at most: such a pressure moves a neighbour at rest by 0.05 d in a substep
 MOST_CHANGE = 1.0      # the same of its change in an iteration
+TOLD = 0.1             # C of which a warning tells
 WALLS = 3              # of a particle at most: a corner has three
 
 
@@ -289,11 +288,13 @@ def fluid_wall_push_kernel(real, module):
 
 @cache
 def fluid_keep_kernel(real, module):
-    """Kernel over places: pressures [Pa] for the next substep, after one of h [s]."""
+    """Kernel over places: pressures [Pa] for the next substep, after one of h [s]; the worst C beyond TOLD, in millionths."""
     N, S = neighbour_structs(real), fluid_structs(real)
 
-    def keep_fluid_pressure(c: N.CellTable, f: S.FluidTable, h: real):
+    def keep_fluid_pressure(c: N.CellTable, f: S.FluidTable, h: real, worst: wp.array(dtype=int)):
         k = wp.tid()
+        if f.tight[k] > real(TOLD):
+            wp.atomic_max(worst, 0, int(real(1.0e6) * wp.min(f.tight[k], real(1.0e3))))
         f.pressure[c.order[k]] = f.lam[k] / (h * h * f.d * f.d * f.d)
 
     return wp.kernel(keep_fluid_pressure, name=f"fluid_keep_{types(real).name}", module=module, enable_backward=False)

@@ -84,6 +84,7 @@ def test_pressure_is_hydrostatic_and_the_volume_stays():
     mean, depth = np.concatenate(pressure).mean(), 0.1 - np.concatenate(places).mean()
     assert abs(mean / (1000 * G * depth) - 1) < 0.15               # 125 particles; tools/results has the tank that meets 3 %
     assert method(simulation).indicators(None, None)["density_error"] < 5e-3
+    assert not any("pressed together" in warning for warning in simulation.warnings)
 
 
 @pytest.mark.parametrize("substeps, iterations", [(2, 4), (4, 1)])
@@ -96,6 +97,7 @@ def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(su
     assert np.linalg.norm(v, axis=1).max() < np.sqrt(2.0 * G * 0.08)
     assert np.abs(x[:, [0, 2]]).max() < 0.08 and x[:, 1].min() > 0.0 and x[:, 1].max() < 0.1
     assert 0.02 < method(simulation).indicators(None, None)["density_error"] < 0.2
+    assert any("pressed together" in warning for warning in simulation.warnings)
 
 
 def test_momentum_stays_where_nothing_holds():

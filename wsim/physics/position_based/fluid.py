@@ -24,7 +24,7 @@ NEIGHBOURS = 56                  # entries of a list that there is room for at f
 OMEGA = 0.5                      # relaxation of the multipliers
 KEEP = 0.9                       # part of an error that a substep may leave
 STABLE = 0.1                     # h mu / rho over the square of the distance at rest, up to which an explicit step is taken
-NEAR_WORD = "fluid: neighbours wanted"
+NEAR_WORD, DENSE_WORD = "fluid: neighbours wanted", "fluid: density"
 FIELDS = (StateField("p", "Pa", True, "pressure", "scalar"),)
 
 
@@ -68,7 +68,8 @@ class DensityConstraints(Method):
                   "viscosity": flow.flow_viscosity_kernel}
         self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
         self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
-        b.status.reserve(NEAR_WORD)
+        for word in (NEAR_WORD, DENSE_WORD):
+            b.status.reserve(word)
         size = n * np.dtype(b.model.dtype).itemsize
         self.stages += [Stage("fluid", "collide", self.begin, self.search.launch_count + 5, 60 * size,
                               what=f"{n} particles"),
@@ -115,7 +116,7 @@ class DensityConstraints(Method):
     def keep(self, clock: Clock) -> None:
         """Pressures, for the next substep, and viscosity."""
         s, search, table = self.state, self.search, self.table
-        self._run("keep", [search.cells, table, clock.h])
+        self._run("keep", [search.cells, table, clock.h], [self.status.word(DENSE_WORD)])
         if self.flows:
             self._run("flow", [search.rows, search.cells, table, s.x, s.v])
             self._run("viscosity", [search.rows, search.cells, search.lists, table, self.flow, clock.h], [s.v])
@@ -134,6 +135,12 @@ class DensityConstraints(Method):
             self.search.make_room(near + near // 4)
             return f"a particle of a fluid has {near} others near it, more than there was room for"
         return [Remedy("grow", lengthen_lists)] if near > self.search.lists.room else []
+
+    def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
+        dense = int(status.said(DENSE_WORD)[0]) / 1e4
+        said = (f"{self.bodies[0].path}: the fluid is pressed together, by {{worst}} % of its density where it is worst; give "
+                "more substeps, or more iterations")
+        return [((DENSE_WORD,), dense, said)] if dense else []
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """density_error: of the last iteration, mean and greatest of what exceeds the density at rest, over that [1]."""
