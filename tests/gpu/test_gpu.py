@@ -296,8 +296,8 @@ def test_gradients_through_meshes_and_by_colliders_agree(shape):
         for of in (lambda g: g.positions(), lambda g: g.motion("/floor"), lambda g: g.friction("/floor"),
                    lambda g: g.friction("/cloth"), lambda g: g.thickness("/floor")):
             a, b = (np.asarray(of(g)) for g in found)
-            # gradients go by 160 of themselves a metre that places go: 2e-8 m are 3e-6
-            assert np.linalg.norm(a - b) < (1e-5 if shape == "deforming" else 1e-8) * np.linalg.norm(a)
+            # on a CPU, gradients go by up to 4e-4 of themselves where the frames of the mesh go by 2e-8 m at random
+            assert np.linalg.norm(a - b) < (4e-4 if shape == "deforming" else 1e-8) * np.linalg.norm(a)
 
 
 def test_gradients_of_quadratic_tets_under_pressure_agree():
