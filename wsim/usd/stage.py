@@ -73,6 +73,8 @@ class StageReading:
     placed: set = field(default_factory=set)             # paths of prims whose transforms were checked
     held: dict | None = None                             # what holds rigid bodies without mass, by path; None: not known yet
     stacks: dict | None = None                           # joints that act one behind the other, by path; None: not known yet
+    filterable: bool | None = None                       # whether there are bodies that filters are for; None: not known yet
+    colliding: tuple[dict, list] | None = None           # places by path of what collides, and sorted paths; None: not yet
     varying: list = field(default_factory=list)          # (where it was found, `wsim.scene.Varying`)
 
     @property

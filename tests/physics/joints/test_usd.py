@@ -207,6 +207,22 @@ def test_groups_are_apart_as_usd_has_it(tmp_path):
     assert again[0].members == ["/b0/box"]
 
 
+@pytest.mark.parametrize("rule, names, without, within", [
+    ("expandPrims", ["/b1"], [], {1}), ("expandPrims", ["/"], ["/b2", "/b3/box"], {0, 1, 4}),
+    ("explicitOnly", ["/b1"], [], set()), ("explicitOnly", ["/b1/box", "/b3/box"], [], {1, 3}),
+    ("expandPrims", ["/b"], [], set())])
+def test_members_of_groups_are_those_of_usd(tmp_path, rule, names, without, within):
+    save(scene(*boxes(5), *GROUPS), tmp_path / "a.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    collection = Usd.CollectionAPI.Apply(stage.GetPrimAtPath(GROUPS[0].path), "colliders")
+    collection.CreateExpansionRuleAttr(rule)
+    collection.CreateIncludeRootAttr("/" in names)
+    collection.CreateIncludesRel().SetTargets([Sdf.Path(n) for n in names if n != "/"])
+    collection.CreateExcludesRel().SetTargets([Sdf.Path(n) for n in without])
+    stage.GetRootLayer().Save()
+    assert load(tmp_path / "a.usda").things("Group")[0].members == [f"/b{k}/box" for k in sorted(within)]
+
+
 def kept_apart(one: Scene) -> set:
     shapes = [(c.path, 0) for b in one.things("Body") for c in b.colliders]
     found = collision_filters(one, shapes, [b.path for b in one.things("Body") for _ in b.colliders])

@@ -53,14 +53,15 @@ class FilteredPairs(ArrayDataclass):
 
 
 def check_collision_filters(thing: Group | FilteredPairs, scene: Scene) -> Iterator[Problem]:
-    known = {*_colliding_prim_paths(scene), *(group.path for group in scene.things("Group"))}
     if isinstance(thing, FilteredPairs):
+        known = {*_colliding_prim_paths(scene), *(group.path for group in scene.things("Group"))}
         lost = [p for p in thing.others if not any(k == p or k.startswith(p + "/") for k in known)]
         if lost:
             yield object_warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides",
                                  "bodies, colliders or groups", "name others, or take it out")
         return
-    lost = [p for p in thing.filtered if p not in {group.path for group in scene.things("Group")}]
+    groups = {group.path for group in scene.things("Group")} if thing.filtered else set()
+    lost = [p for p in thing.filtered if p not in groups]
     if lost:
         yield object_warning(thing.path, f"filters {', '.join(lost)}, which is no collision group", "groups of the scene",
                              "name others, or take it out")
@@ -74,6 +75,11 @@ def at_or_below(path: str, above: str) -> bool:
     return path == above or path.startswith(above + "/")
 
 
+def _path_and_ancestors(path: str) -> list[str]:
+    steps = path.split("/")
+    return ["/".join(steps[:n]) for n in range(2, len(steps) + 1)]
+
+
 def filtered_group_table(scene: Scene) -> np.ndarray:
     """Symmetric table (groups, groups): those that do not touch each other; merged ones are alike."""
     groups: list[Group] = scene.things("Group")
@@ -81,12 +87,12 @@ def filtered_group_table(scene: Scene) -> np.ndarray:
     merged = sorted(set(name.values()))
     place = {m: k for k, m in enumerate(merged)}
     found = np.zeros((len(merged), len(merged)), bool)
-    for m, k in place.items():
-        own = [g for g in groups if name[g.path] == m]
-        named = {place[name[p]] for g in own for p in g.filtered if p in name}
-        inverted = any(g.inverted for g in own)
-        for other in range(len(merged)):
-            found[k, other] = (other in named) != inverted
+    inverted = np.zeros(len(merged), bool)
+    for g in groups:
+        k = place[name[g.path]]
+        found[k, [place[name[p]] for p in g.filtered if p in name]] = True
+        inverted[k] |= g.inverted
+    found ^= inverted[:, None]
     found |= found.T
     rows = [place[name[g.path]] for g in groups]
     return found[np.ix_(rows, rows)]
@@ -141,19 +147,26 @@ def _filter_kinds(scene: Scene, paths: list[str]) -> tuple[np.ndarray, np.ndarra
     """Shapes that are in the same groups are of a kind."""
     groups: list[Group] = scene.things("Group")
     between = filtered_group_table(scene)
-    of = {p: frozenset(k for k, g in enumerate(groups) if any(at_or_below(p, m) for m in g.members)) for p in set(paths)}
+    holding: dict[str, set[int]] = {}
+    for k, group in enumerate(groups):
+        for member in group.members:
+            holding.setdefault(member, set()).add(k)
+    of = {p: frozenset().union(*(holding.get(each, ()) for each in _path_and_ancestors(p))) for p in set(paths)}
     kinds = sorted(set(of.values()), key=sorted)
-    table = np.array([[any(between[a, b] for a in one for b in other) for other in kinds] for one in kinds], bool)
-    return np.array([kinds.index(of[p]) for p in paths], int), table.reshape(len(kinds), len(kinds))
+    place = {kind: k for k, kind in enumerate(kinds)}
+    within = np.zeros((len(kinds), len(groups)), np.float32)
+    for kind, k in place.items():
+        within[k, list(kind)] = 1.0
+    table = within @ between.astype(np.float32) @ within.T > 0.0
+    return np.array([place[of[p]] for p in paths], int), table
 
 
 def _filtered_shape_pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Iterator[tuple[int, int]]:
     members = {g.path: g.members for g in scene.things("Group")}
     at: dict[str, list[int]] = {}
     for k, (path, _) in enumerate(shapes):
-        steps = path.split("/")
-        for n in range(2, len(steps) + 1):
-            at.setdefault("/".join(steps[:n]), []).append(k)
+        for each in _path_and_ancestors(path):
+            at.setdefault(each, []).append(k)
     body: dict[str, list[int]] = {}
     for k, frame in enumerate(frames):
         body.setdefault(frame, []).append(k)

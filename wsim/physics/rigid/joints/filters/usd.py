@@ -1,5 +1,7 @@
 """Prims of type PhysicsCollisionGroup <-> `Group`, and PhysicsFilteredPairsAPI of any prim <-> `FilteredPairs`."""
 
+from bisect import bisect_left
+
 from pxr import Sdf, Usd, UsdPhysics
 
 from wsim.physics.rigid.joints.filters.groups import FilteredPairs, Group
@@ -12,8 +14,27 @@ COLLIDERS = "colliders"
 
 def filters_matter(reading: StageReading) -> bool:
     """True if there are bodies that filters are for."""
-    prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    return any(names.RIGID_BODY in applied_schemas(p) and moves_by_forces(reading, p) for p in prims)
+    if reading.filterable is None:
+        prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+        reading.filterable = any(names.RIGID_BODY in applied_schemas(p) and moves_by_forces(reading, p) for p in prims)
+    return reading.filterable
+
+
+def collection_members(reading: StageReading, query) -> list[str]:
+    """Prim paths of colliders in a collection. Without an expression, only those at or below what it names are tried."""
+    if reading.colliding is None:
+        prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+        found = [str(p.GetPath()) for p in prims if names.COLLISION in applied_schemas(p)]
+        reading.colliding = {path: k for k, path in enumerate(found)}, sorted(found)
+    place, ordered = reading.colliding
+    asked = set(ordered)
+    if query.UsesPathExpansionRuleMap():
+        asked = set()
+        for named in map(str, query.GetAsPathExpansionRuleMap()):
+            under = named.rstrip("/") + "/"
+            asked |= {named} & place.keys()
+            asked |= set(ordered[bisect_left(ordered, under):bisect_left(ordered, under[:-1] + "0")])       # "0" follows "/"
+    return [p for p in sorted(asked, key=place.__getitem__) if query.IsPathIncluded(Sdf.Path(p))]
 
 
 def load_group(reading: StageReading, prim: Usd.Prim) -> Group | None:
@@ -22,9 +43,7 @@ def load_group(reading: StageReading, prim: Usd.Prim) -> Group | None:
         reading.warn(path, f"{names.COLLISION_GROUP} is not used yet: every collider acts on every body")
         return None
     query = Usd.CollectionAPI(prim, COLLIDERS).ComputeMembershipQuery()
-    prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    members = [str(p.GetPath()) for p in prims if names.COLLISION in applied_schemas(p) and query.IsPathIncluded(p.GetPath())]
-    return Group(path, members, [str(p) for p in group.GetFilteredGroupsRel().GetTargets()],
+    return Group(path, collection_members(reading, query), [str(p) for p in group.GetFilteredGroupsRel().GetTargets()],
                  str(group.GetMergeGroupNameAttr().Get(reading.start) or ""),
                  bool(group.GetInvertFilteredGroupsAttr().Get(reading.start)))
 
