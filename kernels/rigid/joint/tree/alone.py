@@ -24,9 +24,10 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_vec3
 
 
-def tree_substep_kernel(real, module, moving: bool = False):
+def tree_substep_kernel(real, module, moving: bool = False, **bounds):
     """Kernel of substeps steps[0] .. steps[1] of h [s] of trees and of bodies without joints: a thread each. asleep: 1 for
-    bodies of those that stay, or None. moving: what some hang from moves (bases.py)."""
+    bodies of those that stay, or None. moving: what some hang from moves (bases.py).
+    bounds: of a launch on a GPU (lanes.py)."""
     Bodies, Moving = body_structs(real)
     f, lone = tree_step_functions(real, moving), joint_step_functions(real)
     begin, step, write, kicks, place = f.begin, f.step, f.write, lone.kicks, lone.place
@@ -54,7 +55,7 @@ def tree_substep_kernel(real, module, moving: bool = False):
                 kicks(i, h, b, now, J)
                 place(i, h, b, now, J)
 
-    return wp.kernel(rigid_trees, name="rigid_trees", module=module, enable_backward=False)
+    return wp.kernel(rigid_trees, name="rigid_trees", module=module, enable_backward=False, **bounds)
 
 
 def tree_velocity_kernel(real, module):

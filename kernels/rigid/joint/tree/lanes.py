@@ -9,6 +9,13 @@ from functools import cache
 import warp as wp
 
 LANES = 32               # of a tree on a GPU
+AT_ONCE = 16             # trees that a multiprocessor of a GPU works on, where there are more than the 8 of all registers
+
+
+def tree_launch_bounds(trees: int, multiprocessors: int) -> dict:
+    """Options of a kernel of so many trees, a warp each. With 128 registers for a thread instead of 255 a multiprocessor of an
+    H200 works on 16 trees: 8192 humanoids in the air take 67 ms for 20 substeps, and 86 ms with all registers."""
+    return {"launch_bounds": (LANES, AT_ONCE)} if trees > AT_ONCE // 2 * multiprocessors > 0 else {}
 
 
 @wp.func_native("""

@@ -109,10 +109,11 @@ def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds)
     return begin_world, predict_world, solve, end_world
 
 
-def touching_tree_kernel(real, module, meet, coloured: bool, needs: TreeContactNeeds, threads: int = 0, cluster: int = 0):
+def touching_tree_kernel(real, module, meet, coloured: bool, needs: TreeContactNeeds, threads: int = 0, cluster: int = 0,
+                         **bounds):
     """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], over so many teams of worlds, with steps[2] sweeps.
     Manifolds are those of steps[0]. P: scratch of the prediction. meet: the barrier of a world's teams; threads, cluster: of a
-    block, and blocks of a cluster, on CUDA."""
+    block, and blocks of a cluster, on CUDA; else bounds of a launch of warps (lanes.py)."""
     Rig, world_team, listed = rig_type(real), world_team_func(real), touching_manifold_functions(real, coloured)[0]
     begin, predict, solve, end = touching_part_functions(real, meet, coloured, needs)
 
@@ -125,6 +126,6 @@ def touching_tree_kernel(real, module, meet, coloured: bool, needs: TreeContactN
             solve(team, steps[2], k, h, 1, rig, J, T)
             end(team, 1, k, h, rig, J, T, P)
 
-    more = ({"launch_bounds": threads} if threads else {}) | ({"cluster_dim": cluster} if cluster else {})
+    more = bounds | ({"launch_bounds": threads} if threads else {}) | ({"cluster_dim": cluster} if cluster else {})
     return wp.kernel(rigid_touching_trees, name="rigid_touching_trees", module=module, enable_backward=False, grid_stride=False,
                      **more)

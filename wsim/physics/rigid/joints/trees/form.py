@@ -38,7 +38,7 @@ class TreeContactForm(forms.ContactPassForm):
         self.wide = self.name in ("block", "cluster")
         self.threads = forms.THREADS * self.blocks if self.wide else self.team
         meet = tree_barrier if not self.wide else block.cluster_barrier if self.blocks > 1 else block.block_barrier
-        sizes = {"threads": forms.THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+        sizes: dict = {"threads": forms.THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
         if self.coloured:
             from wsim.kernels.rigid.graph.colours import contact_colour_kernel
             own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS * self.wide)
@@ -46,7 +46,10 @@ class TreeContactForm(forms.ContactPassForm):
         block_size = min(forms.THREADS, self.threads)
         needs = tree_contact_needs(model.scene, bool(self.trees.trees.moves))
         self.tolerance = model.scene.contact_tolerance
-        module = model.shared_module("rigid_touching_trees", self.blocks, self.coloured, *needs.key, threads=block_size)
+        if not self.wide:
+            sizes = self.trees.launch_bounds
+        kind = (self.blocks, self.coloured, *needs.key, "launch_bounds" in sizes)
+        module = model.shared_module("rigid_touching_trees", *kind, threads=block_size)
         self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, needs, **sizes)
 
     def sleep_form(self) -> forms.ContactPassForm:

@@ -8,7 +8,7 @@ import warp as wp
 from wsim.geometry import rotation
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.joint.tree.alone import tree_velocity_kernel
-from wsim.kernels.rigid.joint.tree.lanes import LANES
+from wsim.kernels.rigid.joint.tree.lanes import LANES, tree_launch_bounds
 from wsim.kernels.rigid.joint.tree.tables import tree_structs
 from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
@@ -195,8 +195,12 @@ class DeviceTrees(DeviceJoints):
         """Kernel of trees whose bodies touch nothing."""
         from wsim.kernels.rigid.joint.tree.alone import tree_substep_kernel
         self.settle = self.method.sleep.alone() if self.method.sleep else None
-        moves = bool(self.trees.moves)
-        return tree_substep_kernel(self.model.real, self._tree_module("rigid_trees", moves), moves)
+        moves, bounds = bool(self.trees.moves), self.launch_bounds
+        return tree_substep_kernel(self.model.real, self._tree_module("rigid_trees", moves, bool(bounds)), moves, **bounds)
+
+    @property
+    def launch_bounds(self) -> dict:
+        return tree_launch_bounds(self.islands, self.device.sm_count) if self.device.is_cuda else {}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         super().before_frame(time, clock)
