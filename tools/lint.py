@@ -37,8 +37,8 @@ USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.mo
        "physics.rigid.joints.authored", "physics.rigid.joints.stacked", "physics.rigid.joints.passive",
        "physics.rigid.joints.filters.usd", "physics.rigid.joints.actuators.usd",
        "physics.rigid.joints.instances.usd", "physics.contact.collider.cloud_usd", "physics.fluid.usd",
-       "physics.fluid.liquid.usd", "physics.mpm.usd", "physics.position_based.usd", "physics.animation.usd",
-       "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")                       # of methods
+       "physics.fluid.liquid.usd", "physics.mpm.usd", "physics.particles.usd", "physics.position_based.usd",
+       "physics.animation.usd", "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")      # of methods
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
                 "show.visible", "cli.arguments", "cli.progress")

@@ -22,7 +22,7 @@ from wsim.physics.mpm.memory import check_memory
 from wsim.physics.mpm.objects import CONES, MATERIALS, Granular, Jelly, MaterialPoints, MaterialSink, Snow, Water
 from wsim.physics.mpm.seeding import coarsened, place_particles
 from wsim.physics.mpm.sources.check_flow import check_pour, check_sink, check_start
-from wsim.physics.mpm.sources.check_shapes import check_extent, check_volume_shape
+from wsim.physics.particles.check_shapes import check_extent, check_volume_shape
 from wsim.scene import Problem, Scene, Surface, solids
 from wsim.scene.check.objects import check_number, check_rigid_motion, object_warning, thing_error
 
@@ -36,8 +36,9 @@ def check(thing: MaterialPoints | MaterialSink, scene: Scene) -> Iterator[Proble
     """Problems of one body, or of a sink."""
     if isinstance(thing, MaterialSink):
         yield from check_sink(thing, scene)
-        if not scene.things("MaterialPoints"):
-            yield object_warning(thing.path, "it is a sink, and there are no particles", "a body of `scene.mpm`", "add one")
+        if not (scene.things("MaterialPoints") or scene.things("Particles")):
+            yield object_warning(thing.path, "it is a sink, and there are no particles", "a body of `scene.mpm` or "
+                                 "`scene.particles`", "add one")
         return
     found = [*(problem for material in thing.materials for problem in check_material(thing.path, material)),
              *check_number(thing.path, "cell", thing.cell, 0.0, True), *check_places(thing),

@@ -8,7 +8,6 @@ import numpy as np
 from wsim.physics.fluid.memory import SPARE, free_device_bytes
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.physics.mpm.seeding import coarsened, fill_shape
-from wsim.physics.mpm.sources.pouring import PouringShape
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.objects import object_warning
 
@@ -23,7 +22,7 @@ def estimated_particles(thing: MaterialPoints, scene: Scene) -> int:
     if thing.points is not None:
         return len(thing.points)
     if thing.pour:
-        return PouringShape(thing).count_until(scene.frames / scene.fps)
+        return thing.pouring_shape().count_until(scene.frames / scene.fps)
     coarse = coarsened(thing, SAMPLES)
     return ceil(len(fill_shape(coarse)) * (coarse.cell / thing.cell) ** 3)
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
 import numpy as np
 
+from wsim.physics.particles.pouring import Pour, PouringShape
 from wsim.scene.attachments import Pin
 from wsim.scene.bodies import ArrayDataclass, PointObject, demand_kind
 from wsim.scene.curve import Motion
@@ -140,20 +140,6 @@ def named_material(material: Any) -> Any:
     return MATERIALS[material]() if isinstance(material, str) and material in MATERIALS else material
 
 
-@dataclass(frozen=True)
-class Pour:
-    """When and how much a shape pours, as in `Pour(start=0.5, end=2.0, rate=3.0)`.
-
-    start   [s] from the scene's start
-    end     [s]; inf: without end
-    rate    mass a time [kg/s]; None: as much as its cross-section carries at the velocity
-    """
-
-    start: float = 0.0
-    end: float = inf
-    rate: float | None = None
-
-
 @dataclass(eq=False)
 class MaterialSink(ArrayDataclass):
     """A shape that takes particles away, as in `scene.mpm_sink("/drain", Box((0.2, 0.1, 0.2)), at=(0, -1, 0))`.
@@ -240,6 +226,11 @@ class MaterialPoints(PointObject):
     @property
     def point_count(self) -> int:
         return len(self.placed_points())
+
+    def pouring_shape(self) -> PouringShape:
+        """Where and when what it pours comes."""
+        edge = self.cell / ACROSS
+        return PouringShape(self, edge, self.material.density * edge**3)
 
     def points_within(self, shape: Any, at: Any = (0.0, 0.0, 0.0)) -> np.ndarray:
         """Numbers of its particles that start within a shape at a place [m], for a pin or a load, as in

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
-from wsim.physics.mpm.sources.pouring import PouredPoints
 from wsim.physics.particles.lattice import index_block, indices_inside_mesh
+from wsim.physics.particles.pouring import PouredPoints
 from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 

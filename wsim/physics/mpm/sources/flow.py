@@ -14,7 +14,7 @@ from wsim.model.structs import fill_struct
 from wsim.physics.contact.collider.table import ColliderTable
 from wsim.physics.mpm.objects import MaterialPoints, MaterialSink
 from wsim.physics.mpm.seeding import nearest_nodes
-from wsim.physics.mpm.sources.pouring import PouredPoints, PouringShape
+from wsim.physics.particles.pouring import PouredPoints
 
 FURTHER, LEAST = 1.5, 16     # frames that rows are reserved for, over those before, and at least as many more
 BESIDE = 8                   # particles of each source more than those frames take
@@ -25,7 +25,7 @@ class MaterialFlow:
 
     def __init__(self, model: Model, things: list[MaterialPoints], sinks: list[MaterialSink], fps: float, frames: int):
         self.model, self.fps, self.frames, self.sinks = model, fps, max(frames, 1), sinks
-        self.shapes = {k: PouringShape(thing) for k, thing in enumerate(things) if thing.pour}
+        self.shapes = {k: thing.pouring_shape() for k, thing in enumerate(things) if thing.pour}
         self.planned = dict.fromkeys(self.shapes, 0)           # particles of each that have rows
         self.births: Any = None
         self.threads = 0

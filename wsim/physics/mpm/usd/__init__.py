@@ -15,11 +15,11 @@ from wsim.physics.mpm.usd.points import (
     author_display_colors,
     author_point_places,
     author_subset,
-    bound_physics_material,
     read_display_colors,
     read_material_subsets,
     read_point_places,
 )
+from wsim.physics.particles.usd.bindings import bound_physics_material
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute

@@ -24,12 +24,10 @@ from pxr import Usd, UsdGeom
 from wsim.physics.mpm.objects import Granular, Jelly, MaterialPoints, Water
 from wsim.physics.mpm.usd.points import (
     LIKE,
-    authored_names,
-    bound_physics_material,
     read_material_subsets,
     read_point_places,
-    warn_unread,
 )
+from wsim.physics.particles.usd.bindings import authored_names, bound_physics_material, warn_unread
 from wsim.usd import names
 from wsim.usd.attributes import read_attribute, read_table_attribute
 from wsim.usd.names import AttributeEntry

@@ -1,10 +1,10 @@
 """Where and when material comes that a shape pours: all of it known before the first frame. NumPy only.
 
-The velocity u points along the shape's own axes and turns with it. Columns of edge d = cell / 2 along u go through the shape.
+The velocity u points along the shape's own axes and turns with it. Columns of edge d along u go through the shape.
 A particle enters a column where that enters the shape, and goes with u and the shape. They enter one after the other, columns
 in a fixed order that mixes them, each a little to the side of the one before:
 
-    t_k = start + (k + 1/2) m / rate,  k = 0, 1, 2 ...,  m = density d^3
+    t_k = start + (k + 1/2) m / rate,  k = 0, 1, 2 ...,  m the mass of a particle
 
 so that the mass that has come at t is rate (t - start) to half a particle, whatever steps are taken. A column carries at most a
 particle each d: the greatest rate is m |u| columns / d, which is what comes where no rate is given.
@@ -13,18 +13,33 @@ particle each d: the greatest rate is m |u| columns / d, which is what comes whe
 from dataclasses import dataclass
 from functools import cached_property
 from math import floor, inf
+from typing import Any
 
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate_polygons
 from wsim.physics.contact.collider.point_cloud import PointCloud
-from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.scene import Surface
 from wsim.scene.solids import shape_row
 
-WITHIN = 0.96            # of a column's width, over which particles are spread
+WITHIN = 0.96            # of a column's width, over which particles that may overlap are spread
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
+MOST_PLACES = 3e7        # of the lattice about a shape: some 2 GB while it is looked at
 LOOKS = 4                # times a frame at which a motion is evaluated; it is linear between
+
+
+@dataclass(frozen=True)
+class Pour:
+    """When and how much a shape pours, as in `Pour(start=0.5, end=2.0, rate=3.0)`.
+
+    start   [s] from the scene's start
+    end     [s]; inf: without end
+    rate    mass a time [kg/s]; None: as much as its cross-section carries at the velocity
+    """
+
+    start: float = 0.0
+    end: float = inf
+    rate: float | None = None
 
 
 def velocity_axes(velocity: np.ndarray) -> np.ndarray:
@@ -38,7 +53,8 @@ def velocity_axes(velocity: np.ndarray) -> np.ndarray:
 
 @dataclass
 class PouredPoints:
-    """x [m] world (n, 3), v [m/s] (n, 3), volume [m^3] (n,), t [s] (n,) ascending: when each comes."""
+    """x [m] world (n, 3), v [m/s] (n, 3), volume [m^3] of each one's part of a column (n,), t [s] (n,) ascending: when each
+    comes."""
 
     x: np.ndarray
     v: np.ndarray
@@ -47,26 +63,37 @@ class PouredPoints:
 
 
 class PouringShape:
-    """The columns of a thing that pours."""
+    """The columns of a thing that pours: it has a shape, a motion, a velocity [m/s] and a `Pour`.
 
-    def __init__(self, thing: MaterialPoints):
-        assert thing.pour is not None
-        self.thing, self.pour, self.edge = thing, thing.pour, thing.cell / ACROSS
+    edge     d, of a column [m]          mass     of a particle [kg]
+    within   part of a column's width over which particles are spread
+    """
+
+    def __init__(self, thing: Any, edge: float, mass: float, within: float = WITHIN):
+        self.thing, self.pour, self.edge, self.mass, self.within = thing, thing.pour, edge, mass, within
         self.velocity = np.asarray(thing.velocity, np.float64)
-        self.mass = thing.material.density * self.edge**3
 
     @cached_property
     def places(self) -> np.ndarray:
         """Where columns enter the shape, own frame (n, 3) [m]; none: the shape holds no particle."""
         R = velocity_axes(self.velocity)
-        low, high = own_bounds(self.thing.shape, R)
-        begin, end = np.floor(low / self.edge).astype(int) - 2, np.ceil(high / self.edge).astype(int) + 2
+        begin, end = self._lattice_bounds(R)
         index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(begin, end, strict=True)), indexing="ij"), -1)
         inside = self._inside(index.reshape(-1, 3), R, begin, end).reshape(index.shape[:3])
         first = inside.copy()
         first[:, :, 1:] &= ~inside[:, :, :-1]
         found = (index[first] + 0.5) * self.edge @ R.T
         return found[np.random.default_rng(0).permutation(len(found))]
+
+    def _lattice_bounds(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        low, high = own_bounds(self.thing.shape, R)
+        return np.floor(low / self.edge).astype(int) - 2, np.ceil(high / self.edge).astype(int) + 2
+
+    @property
+    def lattice_size(self) -> float:
+        """Places of the lattice about the shape, which `places` looks at."""
+        begin, end = self._lattice_bounds(velocity_axes(self.velocity))
+        return float(np.prod((end - begin).astype(np.float64)))
 
     def _inside(self, index: np.ndarray, R: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
         shape, q = self.thing.shape, (index + 0.5) * self.edge @ R.T
@@ -101,7 +128,7 @@ class PouringShape:
         """Ways across the columns (n, 3) [m], own frame, up to half a column: else grains of a column would fall on each other
         and run in rows. Points of the plane that fill it evenly: multiples of powers of the plastic number (Roberts 2018)."""
         across = velocity_axes(self.velocity)[:, :2]
-        return WITHIN * self.edge * (np.modf(0.5 + np.outer(k, EVENLY))[0] - 0.5) @ across.T
+        return self.within * self.edge * (np.modf(0.5 + np.outer(k, EVENLY))[0] - 0.5) @ across.T
 
     def pour_points(self, first: int, last: int, fps: float) -> PouredPoints:
         """Particles first to last - 1 of all that come."""
