@@ -230,7 +230,7 @@ def fluid_pressure_kernel(real, module):
         f.lam[k] = new
         f.change[k] = new - lam
         f.push[k] = wall
-        f.tight[k] = C
+        f.tight[k] = wp.where(w > real(0.0), C, real(0.0))
 
     return wp.kernel(solve_fluid_pressure, name=f"fluid_pressure_{t.name}", module=module, enable_backward=False)
 

@@ -14,7 +14,8 @@ raises a flag, and only then do the kernels that make cells and lists do anythin
 Cells have the edge R_max + R_max + s, so that a pair is in neighbouring ones. They are numbered row by row in a box of powers
 of two, beyond which numbers repeat: space has no bounds, and what shares a number by chance is dropped by its distance. An
 axis has at least 4 cells, so that the 27 about a particle differ. Each world has cells of its own. Integers alone are added
-atomically, and the particles of a cell are sorted by number: the order is the same in every run.
+atomically, and the particles of a cell are sorted by number: the order is the same in every run. A particle that is not there
+stands in a last cell, which nobody looks into, with an empty list and y0 = NOWHERE.
 """
 
 # ruff: noqa: UP018
@@ -26,6 +27,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
+
+NOWHERE = 1e30         # [m] y0 of a particle before the first list, and of one that is not there
 
 
 @cache
@@ -40,6 +43,7 @@ def neighbour_structs(real) -> SimpleNamespace:
         group: wp.array(dtype=int)         # pairs of one group >= 0 are none, (count,)
         world: wp.array(dtype=int)         # (count,)
         shift: wp.array(dtype=t.vec3)      # origin of its object from that of the first [m], whole metres, (count,)
+        there: wp.array(dtype=int)         # of points of the state: not 1 of one that is not there; empty: all are
 
     @wp.struct
     class CellTable:
@@ -48,9 +52,9 @@ def neighbour_structs(real) -> SimpleNamespace:
         size: int                          # cells of a world
         skin: t.scalar                     # s [m]
         flag: wp.array(dtype=int)          # 1: lists are made anew, (1,)
-        count: wp.array(dtype=int)         # particles of a cell, (cells,)
+        count: wp.array(dtype=int)         # particles of a cell, (cells + 1,): the last of what is not there
         rank: wp.array(dtype=int)          # which of its cell a particle is, in any order, (count,)
-        first: wp.array(dtype=int)         # place of the first particle of a cell, (cells + 1,)
+        first: wp.array(dtype=int)         # place of the first particle of a cell, (cells + 2,)
         order: wp.array(dtype=int)         # p at place k, (count,)
         place: wp.array(dtype=int)         # k of particle p, (count,)
         y0: wp.array(dtype=t.vec3)         # by p [m]
@@ -65,6 +69,20 @@ def neighbour_structs(real) -> SimpleNamespace:
         wanted: wp.array(dtype=int)        # entries of the longest list that had no room, (1,)
 
     return SimpleNamespace(ParticleTable=ParticleTable, CellTable=CellTable, PairLists=PairLists)
+
+
+@cache
+def absence_func(real):
+    """Function (rows, i) -> whether point i of the state is not there."""
+    S = neighbour_structs(real)
+
+    @wp.func
+    def particle_is_absent(rows: S.ParticleTable, i: int):
+        if rows.there.shape[0] > 0:
+            return rows.there[i] != 1
+        return False
+
+    return particle_is_absent
 
 
 @cache
@@ -85,13 +103,17 @@ def cell_number_func(real):
 @cache
 def travel_kernel(real, module):
     """Kernel over particles: the flag, where one is farther than s / 2 from where lists have it. A place that is no number
-    raises it too."""
-    t, S = types(real), neighbour_structs(real)
+    raises it too, and one that comes or goes."""
+    t, S, absent = types(real), neighbour_structs(real), absence_func(real)
 
     def test_travel(rows: S.ParticleTable, c: S.CellTable, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
         p = wp.tid()
         i = rows.point[p]
+        if absent(rows, i) and c.y0[p][0] == real(NOWHERE):
+            return
         y = x[i] + rows.shift[p] + d[i]
+        if absent(rows, i):
+            y = t.vec3(-real(NOWHERE))
         way = wp.length(y - c.y0[p])
         if not way <= real(0.5) * c.skin:
             c.flag[0] = 1
@@ -114,7 +136,7 @@ def clear_kernel(real, module):
 @cache
 def count_kernel(real, module):
     """Kernel over particles: y0, and how many are in each cell."""
-    t, S, number = types(real), neighbour_structs(real), cell_number_func(real)
+    t, S, number, absent = types(real), neighbour_structs(real), cell_number_func(real), absence_func(real)
 
     def count_particles(rows: S.ParticleTable, c: S.CellTable, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
         if c.flag[0] == 0:
@@ -122,9 +144,13 @@ def count_kernel(real, module):
         p = wp.tid()
         i = rows.point[p]
         y = x[i] + rows.shift[p] + d[i]
+        cell = c.count.shape[0] - 1
+        if absent(rows, i):
+            y = t.vec3(real(NOWHERE))
+        else:
+            q = y / c.edge
+            cell = number(c, int(wp.floor(q[0])), int(wp.floor(q[1])), int(wp.floor(q[2])), rows.world[p])
         c.y0[p] = y
-        q = y / c.edge
-        cell = number(c, int(wp.floor(q[0])), int(wp.floor(q[1])), int(wp.floor(q[2])), rows.world[p])
         c.place[p] = cell                                # until `place_particles` puts it right
         c.rank[p] = wp.atomic_add(c.count, cell, 1)
 
@@ -153,6 +179,8 @@ def settle_kernel(real, module):
         if c.flag[0] == 0:
             return
         cell = wp.tid()
+        if cell == c.count.shape[0] - 1:
+            return
         begin = c.first[cell]
         for k in range(begin + 1, begin + c.count[cell]):
             p = c.order[k]
@@ -191,6 +219,9 @@ def list_kernel(real, module):
         k = wp.tid()
         p = c.order[k]
         y = c.near[k]
+        if y[0] == real(NOWHERE):
+            lists.count[k] = 0
+            return
         q = y / c.edge
         x0 = int(wp.floor(q[0]))
         y0 = int(wp.floor(q[1]))

@@ -171,7 +171,7 @@ def test_methods_arrays_and_reasons_agree(name):
     wanted |= {"contact"} if "contact" in KERNELS[name] else set()
     assert set(found["methods"]) == wanted
     assert set(found["skipped"]) == {"pins", "muscles", "loads", "aero", "contact", "history", "explicit", "implicit", "xpbd",
-                                     "fem", "rigid", "fluid", "liquid", "mpm", "grains", "density",
+                                     "fem", "rigid", "fluid", "liquid", "mpm", "arrivals", "grains", "density",
                                      "rods", "follow", "bones", "selfcontact",
                                      "shape_matching",
                                      "gradients"} - wanted

@@ -119,6 +119,8 @@ class Ports:
     free_flight: Any = NONE                             # frames that cannot touch
     start_warnings: list = field(default_factory=list)  # said of how a scene starts
     bodies: RigidMethod = NONE
+    arrivals: Any = NONE                                # particles that come and go: which points are there
+    particle_searches: list = field(default_factory=list)   # who is near whom, `wsim.physics.position_based.neighbours`
     shape_matching: Any = NONE                          # clusters, `wsim.physics.soft.clusters.method`
     energy_terms: list = field(default_factory=list)    # functions (threads a world) that make one (rows) for the balance
     moving_bodies: Any = NONE                           # rigid bodies that points push

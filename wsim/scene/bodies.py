@@ -234,6 +234,14 @@ class Deformable(PointObject):
         """A number of its one material; `absent` where that has none of that name."""
         return getattr(self.materials[0], name, absent) if self.materials else absent
 
+    def is_counted_anew(self, scene: Any) -> bool:
+        """True if results hold it as particles, of another number each frame."""
+        return False
+
+    def body_of_run(self, scene: Any) -> "Deformable":
+        """The body as a run of a scene has it: with all points that come while its frames run."""
+        return self
+
     def rest_places(self) -> np.ndarray:
         """Shape without strain in the world [m], (n, 3)."""
         return self.motion.points(self.points if self.rest_points is None else self.rest_points, 0.0)
@@ -271,3 +279,16 @@ class Deformable(PointObject):
     def kernel_traits(self) -> set[tuple]:
         """What of it decides which kernels a scene needs: see `wsim.simulation.methods.kernel_signature`."""
         return set()
+
+
+def bodies_sampled_by_point(scene: Any) -> list[Deformable]:
+    """Bodies of points of which a result holds the same points in each frame."""
+    return [body for body in scene.bodies() if not body.is_counted_anew(scene)]
+
+
+def scene_of_run(scene: Any) -> Any:
+    """The scene with all points that come while its frames run; itself where none come."""
+    own = {name: [thing.body_of_run(scene) for thing in things] for name, things in scene.objects.items()
+           if things and isinstance(things[0], Deformable)}
+    same = all(new is old for name, things in own.items() for new, old in zip(things, scene.objects[name], strict=True))
+    return scene if same else replace(scene, objects=scene.objects | own)

@@ -78,6 +78,7 @@ METHODS: list[MethodRow] = [
               cost=MethodCost({"rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11}, {"rest": 4.5e-6, "sweep": 6e-7,
                "projection": 1.43e-8}, "wsim.simulation.cost:count_sweeps_choice")),
     MethodRow("shape_matching", "wsim.physics.soft.clusters.method", without="there are no clusters", pushes=True),
+    MethodRow("arrivals", "wsim.physics.position_based.arrivals", without="no particles come or go"),
     MethodRow("grains", "wsim.physics.position_based.grains", without="there are no grains", pushes=True),
     MethodRow("density", "wsim.physics.position_based.fluid", without="no fluid moves by constraints", pushes=True),
     MethodRow("rigid", "wsim.physics.rigid", owns=("Body", "Joint", "Actuator", "Group", "FilteredPairs"),
@@ -287,8 +288,7 @@ def describe_scene_contents(scene) -> str:
     """Text that counts what a scene holds."""
     bodies, deforming = scene.bodies(), deforming_classes()
     kinds: dict[str, list] = {**{_class_noun(n): [b for b in bodies if b.noun == n] for n in {b.noun: 0 for b in bodies}},
-                              "skin": scene_skins(scene),
-                              "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
+                              "skin": scene_skins(scene), "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
                               **{_class_noun(name): found for name, found in scene.objects.items() if name not in deforming}}
     things = ", ".join(count_noun(len(found), noun) for noun, found in kinds.items() if found)
     sizes = {"point": sum(len(body.points) for body in bodies), "tet": sum(len(body.tets) for body in bodies if body.is_solid)}

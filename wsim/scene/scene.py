@@ -173,7 +173,7 @@ class Scene(ArrayDataclass):
 
     def particles(self, path: str, shape=None, at=(0.0, 0.0, 0.0), radius=0.01, **more) -> Any:
         """Adds particles that constraints move (`wsim.physics.position_based.objects.Particles`), of `radius` [m]: they fill a
-        closed shape at a place `at` (3,) [m] or with motion=..., or are points=... (n, 3) [m]. material: "grains", `Grains`."""
+        closed shape at a place `at` (3,) [m] or with motion=..., or are points=... (n, 3) [m]; pour: a `Pour` of later ones."""
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("Particles", "objects").make_particles(path, shape, radius, more))
 
@@ -237,7 +237,7 @@ class Scene(ArrayDataclass):
         return self.add(method_file("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 
     def mpm_sink(self, path: str, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
-        """Adds a shape that takes particles of `mpm` away, at a place `at` (3,) [m] or with motion=...."""
+        """Adds a shape that takes particles of `mpm` and `particles` away, at a place `at` (3,) [m] or with motion=...."""
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("MaterialSink", "objects").MaterialSink(path, shape, **more))
 

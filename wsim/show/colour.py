@@ -17,6 +17,7 @@ import numpy as np
 from wsim.geometry.tetra.tets import signed_tet_volumes
 from wsim.model.model import PointBody
 from wsim.physics.cloth.kinds.membrane import flat_edge_matrices
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.scene.nodal.skin import SkinEmbedding, embed_all_skins
 from wsim.scene.samples import ColourSample
 
@@ -101,7 +102,7 @@ def _spring_strain_values(body: PointBody, net: "Springs", x: np.ndarray, kind: 
 def colours_of_simulation(sim, kind: str) -> list[ColourSample]:
     """Colours of the bodies of a running simulation, and of their skins, now: samples for a recorder."""
     values = {b.path: point_strain_or_stress(sim.model.body(b.path, 0), sim.positions(b.path), kind)
-              for b in sim.scene.bodies()}
+              for b in bodies_sampled_by_point(sim.scene)}
     values |= {path: values_on_skin(skin, values[skin.body]) for path, skin in embed_all_skins(sim.scene).items()}
     return [ColourSample(path, colour_scale(each)) for path, each in values.items()]
 

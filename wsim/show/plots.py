@@ -5,6 +5,7 @@ import numpy as np
 from wsim.model.midnodes import places_with_midnodes, with_midnode_values
 from wsim.model.model import PointBody, make_body
 from wsim.scene import Scene, SceneError
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.show.prim import prim_to_world_matrix
 from wsim.show.visible import VisibleStage
 from wsim.simulation.measure.indicators import edge_strain
@@ -17,7 +18,7 @@ class ResultMeasures:
 
     def __init__(self, seen: VisibleStage, scene: Scene):
         self.seen, self.gravity = seen, np.asarray(scene.gravity, float)
-        self.bodies = [make_body(source, 0, k, 0) for k, source in enumerate(scene.bodies())]
+        self.bodies = [make_body(source, 0, k, 0) for k, source in enumerate(bodies_sampled_by_point(scene))]
 
     @staticmethod
     def of(seen: VisibleStage) -> "ResultMeasures | None":

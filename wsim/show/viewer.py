@@ -12,11 +12,13 @@ rerun gathers usage statistics unless told otherwise: `rerun analytics disable`.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate_polygons
 from wsim.scene import Collider, Deformable, Plane, Scene, Shape, Surface, samples
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.scene.methods import each_method_object, has_other_objects, place_among
 from wsim.scene.nodal.skin import embed_all_skins
 from wsim.scene.solids import shape_row
@@ -63,12 +65,13 @@ class Viewer:
     def log(self, sim) -> None:
         """The state of a `Simulation` after a frame: points, colliders that move, indicators."""
         self.stream.at(self.scene.start + sim.frame, sim.time)
-        for body in self.scene.bodies():
+        bodies = bodies_sampled_by_point(self.scene)
+        for body in bodies:
             self._body(body, sim.positions(body.path))
         poses = sim.poses()
         for collider in self.scene.colliders:
             self._send_collider(collider, poses[collider.path], sim.time, False)
-        if has_other_objects(self.scene):
+        if has_other_objects(self.scene) or len(bodies) < len(self.scene.bodies()):
             self.moved.send(sim.samples())
         self.stream.plot(sim.indicators())
 
@@ -91,6 +94,11 @@ class Viewer:
             for path, skin in self.skins.items():
                 if skin.body == body.path and path in self.shown:
                     self.shown[path].send(skin.of(points))
+            return
+        if body.is_particles:
+            grains: Any = body
+            own = palette_colour("particles", place_among(self.scene, body)) if grains.colors is None else grains.colors
+            self.stream.log_beads(body.path, points, grains.radii(), np.array(own))
             return
         color = linear_to_srgb(np.array([palette_colour("springs", place_among(self.scene, body))]))
         lines = self.stream.rr.LineStrips3D(points[body.held_points()[0]].astype(np.float32), colors=color)

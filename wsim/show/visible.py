@@ -128,7 +128,8 @@ def _separate_smoke_volumes(prims: list[Usd.Prim], folder: str, meters: float, n
 def _is_seen_by_particles(prim: Usd.Prim) -> bool:
     """Whether a shape is that of particles which a result has beside it."""
     drops = prim.GetStage().GetPrimAtPath(f"{prim.GetPath()}{DROPS}")
-    return names.WSIM_GRAINS in applied_schemas(prim) and bool(drops) and drops.HasAttribute("points")
+    filled = {names.WSIM_GRAINS, names.WSIM_PARTICLES} & set(applied_schemas(prim))
+    return bool(filled and drops) and drops.HasAttribute("points")
 
 
 def _time_codes_of_stage(stage: Usd.Stage, prims: list[Usd.Prim], volumes: list[float]) -> list[float]:

@@ -144,6 +144,8 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "implicit": _reason_for_solver("implicit"),
     "xpbd": _reason_for_xpbd,
     "shape_matching": lambda b: "bodies keep their shape in clusters" * any(body.is_cluster for body in b.scene.bodies()),
+    "arrivals": lambda b: "particles come and go" * bool(b.scene.things("Particles") and b.scene.things("MaterialSink") or any(
+        thing.shape is not None for thing in b.scene.things("Particles"))),
     "grains": lambda b: "particles touch" if any(body.collides_as_grains for body in b.scene.bodies()) or (
         {True, False} == {body.is_particles for body in b.scene.bodies()}) else "",
     "density": lambda b: "constraints keep a fluid's density" * any(body.is_particles and body.is_fluid

@@ -15,6 +15,7 @@ import numpy as np
 
 from wsim.model.midnodes import restart_rows_of_body
 from wsim.scene import Problem, SceneError
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.scene.check.counts import checked_count
 from wsim.scene.methods import all_scene_pins
 from wsim.scene.samples import PointSample
@@ -58,7 +59,13 @@ def positions_of_path(sim: "Simulation", path: str | None, world: int, device: b
     if device:
         return sim.state.x, body.index
     x = sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
-    return x[body.index] + body.origin
+    return x[_present_places(sim, body)] + body.origin
+
+
+def _present_places(sim: "Simulation", body) -> np.ndarray:
+    """Places in the state's arrays of a body's points, without particles that have not come or are gone."""
+    arrivals = sim.plan.ports.arrivals
+    return body.index[arrivals.which_are_there(body.path, body.world)] if arrivals and body.source.is_particles else body.index
 
 
 def velocities_of_path(sim: "Simulation", path: str | None, world: int, device: bool):
@@ -67,7 +74,7 @@ def velocities_of_path(sim: "Simulation", path: str | None, world: int, device: 
     if found is not None:
         return found.velocities
     body = sim.model.body(path, world)
-    return (sim.state.v, body.index) if device else sim.state.v.numpy().astype(np.float64)[body.index]
+    return (sim.state.v, body.index) if device else sim.state.v.numpy().astype(np.float64)[_present_places(sim, body)]
 
 
 def poses_of_path(sim: "Simulation", path: str | None, world: int) -> dict[str, np.ndarray]:
@@ -90,7 +97,7 @@ def append_sample(recorder: "Recorder", sim: "Simulation", code: float, stress: 
     stress       with von Mises stress and strain of soft bodies        reactions    with the reaction forces of pins
     others       further samples, see `wsim.scene.samples`
     """
-    scene, paths = recorder.scene, [body.path for body in recorder.scene.bodies()]
+    scene, paths = recorder.scene, [body.path for body in bodies_sampled_by_point(recorder.scene)]
     primvars = {s.path: sim.stress(s.path).at_points() for s in scene.bodies() if s.is_solid and stress}
     forces = {p.path: sim.reactions(p.path) for p in all_scene_pins(scene) if reactions}
     recorder.notes += [note for path in forces if not recorder.stage.GetPrimAtPath(path)

@@ -19,6 +19,7 @@ import warp as wp
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.bodies import scene_of_run
 from wsim.scene.check.counts import checked_count
 from wsim.scene.check.scene import check_scene
 from wsim.simulation import duration, interrupt, retry
@@ -84,6 +85,7 @@ class Simulation(Readings):
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
         if self.precision == "float32":
             self.scene = self.scene.single()
+        self.scene = scene_of_run(self.scene)
         self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, ExceededNote] = {}  # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.repeats: list[str] = []           # why frames were repeated, where that asks nothing of anybody

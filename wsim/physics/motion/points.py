@@ -137,6 +137,7 @@ class FreePoints(Method):
         self.model, self.state, self.status, self.struck = model, state, status, struck
         self.integrator, self.alike = integrator, integrator.solves == 1 and not integrator.explicit
         self.densities: dict[int, float] = {}         # that were set, by number of the body
+        self.held_worlds: Any = None                  # who writes inverse masses anew asks it which worlds are held, (worlds,)
         self.loads: Any = None                        # the method that adds to gravity, see `wsim.physics.motion.loads`
         self.constants = self.tables()
         self.offers = Ports(points=self, constants=self.constants, densities=self.densities)
@@ -259,6 +260,10 @@ class FreePoints(Method):
             masses = self.model.stack("masses")[own]
             w[own] = 0.0 if held else np.where(free > 0.0, 1.0 / masses, 0.0)
         self.constants.w.assign(w)
+        if self.held_worlds is not None:
+            now = self.held_worlds.numpy()
+            now[list(worlds)] = int(held)
+            self.held_worlds.assign(now)
 
     def send(self, bodies: list[PointBody]) -> None:
         """Uploads their masses."""

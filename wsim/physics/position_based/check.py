@@ -5,17 +5,25 @@ from dataclasses import fields
 
 import numpy as np
 
+from wsim.physics.contact.collider.point_cloud import PointCloud
+from wsim.physics.particles.check_pour import check_free_places, check_pour_numbers, poured_places
+from wsim.physics.particles.check_shapes import check_volume_shape
 from wsim.physics.position_based.objects import MATERIALS, Particles
-from wsim.scene import Problem, Scene
-from wsim.scene.check.objects import check_number, check_placement, check_point_array, thing_error
+from wsim.scene import Plane, Problem, Scene, Surface, solids
+from wsim.scene.check.objects import check_number, check_placement, check_point_array, check_rigid_motion, thing_error
 
 SMOOTHEST = 0.5        # of smoothing
+DEEP = 0.5             # radii that a particle may begin within a solid
+MOST_PARTICLES = 2e7   # that come: some 6 GB
 UNLIKE = 50.0          # ratio of radii from which lists of the largest would hold very many of the smallest
 
 
 def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
     """Problems of particles."""
     path, n = thing.path, len(thing.points)
+    if thing.pour:
+        yield from _check_pour(thing, scene)
+        return
     if n == 0:
         yield thing_error(path, "no particles", "one at least", "give points, a larger shape, or a smaller radius")
         return
@@ -32,6 +40,52 @@ def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
     yield from _check_material(thing)
     yield from _check_one_radius(thing, scene)
     yield from _check_solver(thing, scene)
+
+
+def _check_pour(thing: Particles, scene: Scene) -> Iterator[Problem]:
+    """Problems of a shape that pours."""
+    path = thing.path
+    if thing.shape is None:
+        yield thing_error(path, "it pours, and has no shape", "a closed shape, or a PointCloud", "give a shape")
+        return
+    if np.shape(thing.radius) != (1,):
+        yield thing_error(path, f"it pours, and has {len(thing.radius)} radii", "one radius", "give radius=0.01")
+        return
+    found = [*check_point_array(path, "radii", thing.radius, (1, 1), 0.0, True), *_check_material(thing),
+             *check_rigid_motion(path, thing.motion, "put the scale into the shape's sizes"), *_check_shape(thing)]
+    if thing.velocities is not None or np.ndim(np.asarray(thing.colors)) > 1:
+        found.append(thing_error(path, "it pours, and has velocities or colours of each particle", "one velocity and colour",
+                                 "give velocity=, and one colour"))
+    yield from found
+    if not found:
+        found = list(check_pour_numbers(thing, scene, f"its radius is {thing.radius[0]:g} m", "a smaller radius"))
+        yield from found
+    if not any(problem.fatal for problem in found):
+        yield from _check_count(thing, scene)
+        yield from check_free_places(thing, scene, poured_places(thing), DEEP * float(thing.radius[0]))
+    yield from _check_one_radius(thing, scene)
+    yield from _check_solver(thing, scene)
+
+
+def _check_shape(thing: Particles) -> Iterator[Problem]:
+    """Problems of what it pours from."""
+    if isinstance(thing.shape, PointCloud):
+        return
+    if isinstance(thing.shape, Surface) or type(thing.shape) in [row.shape for row in solids.SOLIDS if row.shape is not Plane]:
+        yield from check_volume_shape(thing.path, thing.shape)
+    else:
+        yield thing_error(thing.path, f"its shape is a {type(thing.shape).__name__}", "a closed shape or mesh, or a PointCloud",
+                          "give it one of these")
+
+
+def _check_count(thing: Particles, scene: Scene) -> Iterator[Problem]:
+    """An error of more particles than fit: room for all is reserved."""
+    count = thing.pouring_shape().count_until(scene.frames / scene.fps)
+    if count > MOST_PARTICLES:
+        larger = thing.radius[0] * (count / MOST_PARTICLES) ** (1 / 3)
+        yield thing_error(thing.path, f"{count:.3g} particles come in {scene.frames} frames",
+                          f"{MOST_PARTICLES:.3g}, for which there is room",
+                          f"give a radius of {larger:.2g} m, an earlier end, a lower rate or fewer frames")
 
 
 def _check_material(thing: Particles) -> Iterator[Problem]:

@@ -45,7 +45,8 @@ class DensityConstraints(Method):
         launches = self.launches = ParticleLaunches(b.model, "fluid", self.colliders.kinds)
         far = [np.full(body.count, 0.5 * kernels.REACHED * d) for body in self.bodies]
         points = SearchedPoints.of(self.bodies, far, [-1] * len(self.bodies))
-        self.search = NeighbourSearch(launches, points, SKIN * d, NEIGHBOURS)
+        self.search = NeighbourSearch(launches, points, SKIN * d, NEIGHBOURS, b.ports.arrivals)
+        self.offers.particle_searches = [self.search]
         self.count = n = self.search.count
         real, zeros = b.model.real, launches.zeros
         t, S = types(real), kernels.fluid_structs(real)

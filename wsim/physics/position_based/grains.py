@@ -48,7 +48,8 @@ class GrainContacts(Method):
         said = "is a mesh too coarse to stop the smallest particles; give it more points, or larger particles"
         self.offers.start_warnings = [Problem(path, said, fatal=False) for path in dict.fromkeys(coarse)]
         self.most = pairs.FASTEST * float(points.reach.min())
-        self.search = NeighbourSearch(launches, points, SKIN * 2.0 * float(points.reach.max()), NEIGHBOURS)
+        self.search = NeighbourSearch(launches, points, SKIN * 2.0 * float(points.reach.max()), NEIGHBOURS, b.ports.arrivals)
+        self.offers.particle_searches = [self.search]
         self.count = n = self.search.count
         real, zeros = b.model.real, launches.zeros
         t, S = types(real), kernels.grain_structs(real)

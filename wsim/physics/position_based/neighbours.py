@@ -14,7 +14,6 @@ from wsim.model.model import Model
 from wsim.model.structs import fill_struct
 
 BLOCK, BLOCKS = 128, 2048        # threads of a block on CUDA; blocks of a sum at most
-NOWHERE = 1e30                   # [m] where particles have been before the first list
 FILLED = 2                       # cells of a world over its particles, at least
 LEAST = 4                        # cells along an axis, at least
 
@@ -66,8 +65,8 @@ class SearchedPoints:
 class NeighbourSearch:
     """`rows`, `cells`, `lists`: what kernels read. count: particles of all worlds."""
 
-    def __init__(self, launches: ParticleLaunches, points: SearchedPoints, skin: float, room: int):
-        """skin [m]; room: entries of a list at first."""
+    def __init__(self, launches: ParticleLaunches, points: SearchedPoints, skin: float, room: int, arrivals: Any = None):
+        """skin [m]; room: entries of a list at first; arrivals: the method that says which points are there, None: all are."""
         model, real, reach = launches.model, launches.model.real, points.reach
         self.launches, self.model, self.count, self.skin = launches, model, len(reach), skin
         t, S = types(real), kernels.neighbour_structs(real)
@@ -75,13 +74,14 @@ class NeighbourSearch:
                                 reach=model.upload(reach.astype(model.dtype), real),
                                 group=model.upload(points.group.astype(np.int32), int),
                                 world=model.upload(points.world.astype(np.int32), int),
-                                shift=model.upload(points.shift.astype(model.dtype), t.vec3))
+                                shift=model.upload(points.shift.astype(model.dtype), t.vec3),
+                                **({"there": arrivals.there} if arrivals else {}))
         edge = 2.0 * float(reach.max()) + skin
         n, zeros, worlds = _cells_along_axes(points.start, edge, self.count // model.worlds), launches.zeros, model.worlds
         size = int(np.prod(n))
         self.cells = fill_struct(S.CellTable, edge=edge, n=wp.vec3i(*map(int, n)), size=size, skin=skin,
-                                 flag=zeros(1, int), count=zeros(worlds * size, int), rank=zeros(self.count, int),
-                                 first=zeros(worlds * size + 1, int), order=zeros(self.count, int),
+                                 flag=zeros(1, int), count=zeros(worlds * size + 1, int), rank=zeros(self.count, int),
+                                 first=zeros(worlds * size + 2, int), order=zeros(self.count, int),
                                  place=zeros(self.count, int), y0=zeros(self.count, t.vec3), near=zeros(self.count, t.vec3))
         self.forget()
         self.structs = S
@@ -98,7 +98,7 @@ class NeighbourSearch:
 
     def forget(self) -> None:
         """Lists are made anew at the next substep."""
-        self.cells.y0.fill_(NOWHERE)
+        self.cells.y0.fill_(kernels.NOWHERE)
 
     def make_room(self, room: int) -> None:
         """Lists of so many entries each."""

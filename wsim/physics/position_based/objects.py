@@ -1,11 +1,13 @@
 """Position-based particles of a scene, and what they are made of: plain data in SI units, NumPy only."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from math import inf
 from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import BodyGeometry, Deformable, real_array
+from wsim.physics.particles.pouring import MOST_PLACES, Pour, PouringShape
+from wsim.scene.bodies import BodyGeometry, Deformable, demand_kind, real_array
 from wsim.scene.curve import Motion
 
 
@@ -64,6 +66,10 @@ class Particles(Deformable):
     motion       own frame to world at the start, lengths [m]
     velocities   at the start, (n, 3) [m/s], own frame; None: at rest
     colors       linear RGB, 0 to 1 [1], of all, (3,), or of each particle (n, 3); None: by the material
+    shape        that they fill, and that stays a prim of its own in results; None: they are points
+    velocity     of all at the start, (3,) [m/s], own frame, where `velocities` says nothing
+    pour         `Pour`: the shape is empty at the start, and pours with the velocity, which turns with it; a motion may carry
+                 it; a `PointCloud` is a shape of balls. None: all are there at the start
     """
 
     noun, plural, model, is_particles = "particles", True, "particles", True
@@ -75,13 +81,47 @@ class Particles(Deformable):
     motion: Motion = field(default_factory=Motion.still)
     velocities: np.ndarray | None = None
     colors: np.ndarray | None = None
+    shape: Any = None
+    velocity: np.ndarray | None = None
+    pour: Pour | None = None
 
     def __post_init__(self):
+        if self.pour is not None:
+            demand_kind(self.path, "pour", self.pour, Pour, "Pour(start=0.0, end=1.0)")
         if isinstance(self.material, str) and self.material in MATERIALS:
             self.material = MATERIALS[self.material]()
         self.points, self.velocities = real_array(self.points, -1, 3), real_array(self.velocities, -1, 3)
         self.radius = real_array(np.atleast_1d(self.radius), -1)
         self.colors = None if self.colors is None else np.array(self.colors, np.float64)
+        if self.velocity is not None:
+            self.velocity = np.array(self.velocity, np.float64)
+            if self.velocities is None and self.velocity.shape == (3,) and not self.pour:
+                self.velocities = np.tile(self.velocity, (len(self.points), 1))
+
+    def pouring_shape(self) -> PouringShape:
+        """Where and when what it pours comes: columns as wide as its lattice, so that none overlaps another where it comes."""
+        edge, mass = lattice_edge(self.radius[0], self.is_fluid), self.material.particle_mass(self.radius[:1])[0]
+        return PouringShape(self, edge, float(mass), 1.0 - 2.0 * float(self.radius[0]) / edge)
+
+    def is_counted_anew(self, scene: Any) -> bool:
+        """See `Deformable`: where it has a shape, or sinks may take some."""
+        return self.shape is not None or bool(scene.things("MaterialSink"))
+
+    def body_of_run(self, scene: Any) -> "Particles":
+        """See `Deformable`: one particle at least, which comes never where the scene ends before."""
+        if self.pour is None:
+            return self
+        shape, frames = self.pouring_shape(), max(scene.frames, 1)
+        count = shape.count_until(frames / scene.fps)
+        poured = shape.pour_points(0, max(count, 1), scene.fps)
+        found = replace(self, points=poured.x, velocities=poured.v, motion=Motion.still())
+        found._times = poured.t if count else np.full(1, inf)         # type: ignore[attr-defined]
+        return found
+
+    @property
+    def arrival_times(self) -> np.ndarray:
+        """When each particle of what pours comes, of a `body_of_run`, (n,) [s]."""
+        return self._times                                            # type: ignore[attr-defined]
 
     @property
     def is_fluid(self) -> bool:                                        # type: ignore[override]
@@ -123,7 +163,11 @@ class Particles(Deformable):
 
 
 LOOSE = 1.1            # edge of a lattice of grains over their diameter: moved at random in what is left, they fall in a heap
-MOST_PLACES = 3e7      # of the lattice about a shape: some 2 GB while it is filled
+
+
+def lattice_edge(radius: float, is_fluid: bool) -> float:
+    """Edge of the lattice of particles of a radius [m]."""
+    return 2.0 * float(radius) * (1.0 if is_fluid else LOOSE)
 
 
 def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
@@ -137,6 +181,8 @@ def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
         if named := sorted({f.name for f in fields(kind)} & {*more}):
             raise SceneError(Problem(path, f"{named[0]} is a number of the material; fix: give material="
                                      f"{kind.__name__}({named[0]}={more[named[0]]!r:.60}), of {kind.__module__}"))
+    if more.get("pour") is not None:
+        return Particles(path, np.zeros((0, 3)), radius, shape=shape, **more)
     if shape is not None:
         more["points"] = fill_with_particles(path, shape, radius, more.get("material"))
     return Particles(path, radius=radius, **more)
@@ -154,8 +200,8 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
                                  "give radius=0.01, or points with a radius each"))
     if isinstance(shape, Plane):
         raise SceneError(Problem(path, "a Plane has no end to fill; allowed is a closed shape; fix: give a Box, say"))
-    loose = 1.0 if material == "fluid" or isinstance(material, ConstraintFluid) else LOOSE
-    edge, free = 2.0 * float(radius) * loose, float(radius) * (loose - 1.0)
+    edge = lattice_edge(float(radius), material == "fluid" or isinstance(material, ConstraintFluid))
+    free = 0.5 * edge - float(radius)
     if isinstance(shape, Surface):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1

@@ -24,7 +24,7 @@ FINEST = 16            # places along an edge of a triangle at which a rigid bod
 def check_contacts(scene: Scene) -> Iterator[Problem]:
     """Problems of contacts in a scene whose objects are sound."""
     moved = body_carried_colliders(scene)
-    for body in scene.bodies():
+    for body in (body for body in scene.bodies() if len(body.points)):
         yield from _points_inside_colliders(scene, body, moved)
         for mover in moved:
             yield from _bodies_inside_triangles(body, mover)

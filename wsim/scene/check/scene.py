@@ -243,6 +243,8 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
     falls = bool(np.any(np.asarray(scene.gravity) != 0.0))
     for body in scene.bodies():
         path, n = body.path, len(body.points)
+        if body.is_particles and n == 0:                      # what pours comes later
+            continue
         held, hard = np.zeros(n, bool), np.zeros(n, bool)
         for pin in (p for p in scene.pins if p.body == path):
             held[pin.points] = True

@@ -55,6 +55,8 @@ def _indicators_of_points(plan: SimulationPlan, x: np.ndarray, v: np.ndarray) ->
     model, points = plan.model, plan.ports.points
     masses = model.stack("masses")
     masses[model.gone] = 0.0
+    if plan.ports.arrivals:
+        masses[plan.ports.arrivals.absent_places()] = 0.0
     free = points.constants.w.numpy() > 0.0
     gravity = points.gravity().astype(np.float64)
     strains = [edge_strain(b, x) for b in model.bodies if len(b.edges)]

@@ -17,6 +17,7 @@ import numpy as np
 from pxr import Usd, UsdUtils
 
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.scene.nodal.skin import embed_all_skins
 from wsim.usd.prims.reactions import reaction_samples_of_pins
 from wsim.usd.prims.surface import soft_body_surfaces
@@ -117,7 +118,7 @@ class Recorder:
         if problems := unwritable_prims(self.stage, self.scene):
             raise SceneError(problems)
         self.rate = self.stage.GetTimeCodesPerSecond()
-        self.bodies = {b.path: (self.stage.GetPrimAtPath(b.path), len(b.points)) for b in self.scene.bodies()}
+        self.bodies = {b.path: (self.stage.GetPrimAtPath(b.path), len(b.points)) for b in bodies_sampled_by_point(self.scene)}
         self.skins = embed_all_skins(self.scene)
         self.overs = {path: BodyWriter(self.stage.GetPrimAtPath(path), velocities=velocities, normals=normals, notes=self.notes)
                       for path in (*self.bodies, *self.skins)}

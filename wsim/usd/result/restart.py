@@ -25,6 +25,7 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Deformable, Problem, Scene, SceneError
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.scene.methods import each_method_object, scene_skins
 from wsim.scene.samples import BESIDE
 from wsim.usd.clips import join_clips
@@ -196,7 +197,7 @@ def load_restart(result_path, scene: Scene) -> RestartState:
     if not np.isclose(result.fps, scene.fps):
         raise SceneError(Problem(result.path, f"has {result.fps:g} time codes a second, the scene {scene.fps:g}; "
                                  "restart with the scene that the result was made from"))
-    bodies = scene.bodies()
+    bodies = bodies_sampled_by_point(scene)
     others = {path: result.stage.GetPrimAtPath(path) for path in _output_paths(scene)}
     if lost := [path for path, prim in others.items() if not prim]:
         raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
@@ -224,9 +225,8 @@ def load_restart(result_path, scene: Scene) -> RestartState:
 
 def _output_paths(scene: Scene) -> list[str]:
     """Prims that results hold what methods have of."""
-    found = (getattr(thing, "written", thing.path) for row, thing in each_method_object(scene)
-             if type(thing).__name__ not in row.unseen)
-    return list(dict.fromkeys(found))
+    found = (getattr(t, "written", t.path) for row, t in each_method_object(scene) if type(t).__name__ not in row.unseen)
+    return list(dict.fromkeys([*(b.path for b in scene.bodies() if b.is_counted_anew(scene)), *found]))
 
 
 def is_whole_frame_code(code: float, scene: Scene, rate: float) -> bool:
@@ -277,7 +277,7 @@ def copy_samples(restart: RestartState, stage: Usd.Stage, scene: Scene, beside: 
         layer = join_clips(crate.read_crate_layer(restart.path), os.path.dirname(os.path.realpath(restart.path)))
     except (Tf.ErrorException, OSError) as error:
         raise SceneError(Problem(restart.path, f"cannot be read any more: {usd_error_text(error)}")) from None
-    wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
+    wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in bodies_sampled_by_point(scene)]
     wanted += [(skin.path, SAMPLED) for skin in scene_skins(scene)]
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:

@@ -42,6 +42,8 @@ class OpenFrameReasons:
         found += [f"fluid {f.path} around bodies" for f in (*scene.things("Fluid"), *scene.things("Liquid"))]
         found += [f"material points, such as {m.path}" for m in scene.things("MaterialPoints")][:1]
         found += [f"rods {r.path}" for r in scene.things("Rods")]
+        found += [f"particles that come or go, such as {p.path}" for p in scene.things("Particles")
+                  if p.pour or scene.things("MaterialSink")][:1]
         self.always = found
         self.colliders = scene.colliders if points else []
         self.sizes = {c.path: sum_of_shape_numbers(c.shape) for c in self.colliders}

@@ -10,6 +10,7 @@ from typing import Any
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, UsdVol
 
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.bodies import bodies_sampled_by_point
 from wsim.scene.methods import each_method_object
 from wsim.scene.nodal.skin import embed_all_skins
 from wsim.scene.samples import DROPS, VOLUME
@@ -26,9 +27,12 @@ def unwritable_prims(stage: Usd.Stage, scene: Scene) -> list[Problem]:
     if control := CONTROL.search(os.path.abspath(scene.source or "")):
         found.append(Problem(str(scene.source), f"has the control character {control[0]!r} in its path, by which no result can "
                              "name it; rename it"))
-    counts = {body.path: len(body.points) for body in scene.bodies()}
+    counts = {body.path: len(body.points) for body in bodies_sampled_by_point(scene)}
     for path, count in (counts | {path: len(skin.rows) for path, skin in embed_all_skins(scene).items()}).items():
         found += _collect_problems(_check_points_writable, stage, scene, path, count)
+    for body in scene.bodies():
+        if body.is_counted_anew(scene):
+            found += _collect_problems(_check_object_writable, stage, type(body).__name__, body.path)
     for row, thing in each_method_object(scene):
         written = getattr(thing, "written", thing.path)
         if type(thing).__name__ not in row.unseen:
@@ -68,7 +72,7 @@ def _check_object_writable(stage: Usd.Stage, kind: str, path: str) -> None:
         home = prim if prim.IsA(UsdVol.Volume) else _find_sibling_prim(stage, path, VOLUME, UsdVol.Volume)
         if home:
             axis_aligned_frame(home, stage.GetStartTimeCode())
-    if kind == "Liquid":
+    if kind == "Liquid" or kind == "Particles" and not prim.IsA(UsdGeom.Points):
         _find_sibling_prim(stage, path, DROPS, UsdGeom.Points)
 
 
