@@ -69,7 +69,7 @@ LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whos
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
        | room("simulation.predicted", "errors measured growth sweep_strain sag rolling")
        | room("simulation.measure", "captures indicators exceeded host log_messages readings checks.lost")
-       | room("scene.nodal", "masses separate") | room("scene", "integrator methods samples")
+       | room("scene.nodal", "masses separate touching") | room("scene", "integrator methods samples")
        | room("model", "stage ports state status model midnodes launches kernel_cache structs vjp warp_private")
        | room("model.compiler", "variants source header recorded version")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")

@@ -99,6 +99,7 @@ class Ports:
     force_gather: Any = NONE                            # `wsim.physics.motion.forces.ForceGather`
     newton_assembly: Assembly = NONE
     newton_terms: list[NewtonTerm] = NONE                           # what acts in a Newton step beside the forces of bodies
+    newton_sweeps: list[Callable[[Clock], None]] = NONE             # what moves points by impulses before each Newton step
     line_search_lanes: Any = NONE
     solve_adjoint: Any = NONE
     stable_substeps: Any = NONE                         # function of explicit steps: how many substeps are stable
@@ -121,7 +122,7 @@ class Ports:
     bodies: RigidMethod = NONE
     arrivals: Any = NONE                                # particles that come and go: which points are there
     particle_searches: list = field(default_factory=list)   # who is near whom, `wsim.physics.position_based.neighbours`
-    shape_matching: Any = NONE                          # clusters, `wsim.physics.soft.clusters.method`
+    shape_matching: Any = NONE                          # clusters that are projected behind Newton steps
     energy_terms: list = field(default_factory=list)    # functions (threads a world) that make one (rows) for the balance
     moving_bodies: Any = NONE                           # rigid bodies that points push
     recorded_bodies: Any = NONE

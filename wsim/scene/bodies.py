@@ -181,10 +181,11 @@ class Deformable(PointObject):
     """What bodies of points answer, whatever they are made of: contacts, solvers, results and pictures ask this, and no class.
     A class gives fields, or other values, where it differs. model: in-plane elasticity, of what has several.
     collides_as_grains: its points are balls of their reach, which touch those of others and each other.
+    meets_as_balls: its points touch others as balls of their reach, and surfaces that collide as points beside triangles.
     is_fluid: constraints keep the density of its points."""
 
     model = ""
-    self_collision = tethers = quadratic = collides_as_grains = is_fluid = False
+    self_collision = tethers = quadratic = collides_as_grains = is_fluid = meets_as_balls = False
     pressure = lift = weld = 0.0
     drag: float | None = 0.0
     actuation: Curve | None = None

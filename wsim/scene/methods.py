@@ -22,6 +22,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
+from wsim.scene.nodal.touching import has_self_collision
 from wsim.scene.values.cost import MethodCost
 
 
@@ -196,11 +197,6 @@ def loads_on_deformables(scene) -> list:
     """Loads of cloths, spring nets and soft bodies: others are of what methods hold, such as rods."""
     paths = {body.path for body in scene.bodies()} if scene.loads else set()
     return [load for load in scene.loads if load.body in paths]
-
-
-def has_self_collision(scene) -> bool:
-    """True if a surface collides with itself."""
-    return any(body.self_collision for body in scene.bodies())
 
 
 def point_objects(scene) -> list:

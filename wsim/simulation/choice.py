@@ -8,7 +8,7 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
                 BDF2 with one Newton step a substep, where as many as the wanted error takes cost less than sweeps
     xpbd        as many substeps of backward Euler as the wanted error takes, or those that the scene names if they are more,
                 and the scene's sweeps or one, whichever costs less; so many that the edges that carry a cloth are strained by
-                no more than STRAINED times that error. Particles: what the scene names
+                no more than STRAINED times that error. Particles: as often as the scene names
 
 What each errs by: `wsim.simulation.predicted.errors`. What a frame costs: `wsim.simulation.cost`. How often the choice misses:
 tools/bench/choice/misses.py (tools/results/data/choice_*.json). For so many frames a second: `wsim.simulation.predicted.rate`.
@@ -101,7 +101,7 @@ def _choose_by_scene(model: Model, named: str) -> SchemeChoice:
     if method and method.rebounds and method_colliders(scene):
         return replace(_choose_by_scene(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
     if any(body.is_particles for body in scene.bodies()):
-        return _choice_as_named(scene, "xpbd", TABLE["backward_euler"], "constraints move particles")
+        return _choice_as_named(scene, *sweep_strain.solver_for_particles(model))
     if any(body.is_cluster for body in scene.bodies()):
         return _choose_for_clusters(model, method)
     if scene.solver == "explicit" or (method and method.explicit):

@@ -34,6 +34,7 @@ from wsim.scene.methods import (
     solid_materials,
 )
 from wsim.scene.nodal.separate import separate_coincident_ends
+from wsim.scene.nodal.touching import bodies_that_touch_as_balls
 from wsim.simulation.choice import SchemeChoice
 
 
@@ -146,8 +147,7 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "shape_matching": lambda b: "bodies keep their shape in clusters" * any(body.is_cluster for body in b.scene.bodies()),
     "arrivals": lambda b: "particles come and go" * bool(b.scene.things("Particles") and b.scene.things("MaterialSink") or any(
         thing.shape is not None for thing in b.scene.things("Particles"))),
-    "grains": lambda b: "particles touch" if any(body.collides_as_grains for body in b.scene.bodies()) or (
-        {True, False} == {body.is_particles for body in b.scene.bodies()}) else "",
+    "grains": lambda b: "points touch as balls" * bool(bodies_that_touch_as_balls(b.scene)),
     "density": lambda b: "constraints keep a fluid's density" * any(body.is_particles and body.is_fluid
                                                                     for body in b.scene.bodies()),
     "contact": _reason_for_contact,

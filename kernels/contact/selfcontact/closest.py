@@ -76,7 +76,7 @@ def closest_weights(real):
         s = real(0.0)
         if area > real(0.0):
             s = wp.clamp((b * f - c * g) / area, real(0.0), real(1.0))
-        w = real(0.0)
+        w = real(-1.0)                                    # a point: its place along the other edge is found below
         if g > real(0.0):
             w = (b * s + f) / g
         if w < real(0.0):

@@ -17,6 +17,7 @@ from wsim.kernels.math.real import types
 SCALE = 2.0 ** 50                        # of metres: sums are whole numbers of 1 / SCALE
 SHARES = 4096                            # of weights, rounded up: 1 / SHARES too many is a sweep that much shorter
 OVER = 1.6                               # over-relaxation of sweeps along normals, below 2
+OWN, MET, BALL = 0, 1, 2                 # role of a point: of a surface that touches others; that balls alone meet; a ball
 STRANDS = 1 << 24                        # `body` of strands of rods, and of none else, is from here on
 # Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
@@ -56,6 +57,7 @@ def surface_type(real):
         rest: wp.array(dtype=t.vec3)              # place in the rest shape of the body [m]
         body: wp.array(dtype=int)                 # negative: of a collider; from STRANDS on: a strand
         world: wp.array(dtype=int)
+        role: wp.array(dtype=int)                 # OWN, MET, BALL
         beta: t.scalar                            # least radius of tubes [m]
         longest: t.scalar                         # that they lead ahead by, at most [m]
         tied: int                                 # 1: bodies share points, and `rest` is where they start
@@ -124,6 +126,7 @@ class TreeQuery:
     kind: int                            # 0: points that look, or a tree of triangles; 1: edges; 2: those of the tree itself;
                                          # levels of nodes that are fitted
     shares: int                          # threads that share a walk, a power of two; nodes of a world that are fitted
+    margin: float                        # that pairs keep more than others at most [m]
     order: wp.array(dtype=int)           # what looks, -1: none; what the tree is of, where it is fitted
     into: BoxTree
 

@@ -56,6 +56,8 @@ def pair_append_func(real):
         b = s.body[o]
         if kind == closest.EDGES and wp.min(b, s.body[j]) >= pairs.STRANDS:
             keep = real(0.0)
+        if kind == closest.POINT and s.role[i] == pairs.MET and s.role[o] != pairs.BALL:
+            return
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
         c = f.start[o]
         v = f.way[o]
@@ -204,7 +206,7 @@ def box_candidate_kernel(real, module, levels=False):
     def boxes_meet(s: Surfaces, f: Frames, looks: wp.array(dtype=tree.TreeQuery), widest: float,
                    out_at: wp.array(dtype=pairs.BoxPairs)):
         look = looks[tree.query_of_thread(looks, wp.tid())]
-        room = widest * float(f.part[0])
+        room = (widest + look.margin) * float(f.part[0])
         thread = wp.tid() - look.first
         if wp.static(levels):
             j = thread * SIDE_BY_SIDE
@@ -245,7 +247,8 @@ def candidate_sift_kernel(real, module):
                 a = s.edge[wp.min(i, -1 - k)]
                 b = s.edge[wp.max(i, -1 - k)]
                 ids = wp.vec4i(a[0], a[1], b[0], b[1])
-            append(s, f, kind, ids, near)
+            if k >= 0 or ids[2] != ids[3] or s.body[ids[0]] >= pairs.STRANDS:      # balls meet triangles, not their edges
+                append(s, f, kind, ids, near)
             j += threads
 
     return sift_candidates

@@ -192,7 +192,7 @@ def test_bad_input_is_one_line(more, said):
     assert "/grains" in str(error.value)
 
 
-@pytest.mark.parametrize("more", [{"solver": "explicit"}, {"solver": "implicit"}, {"integrator": "bdf2"},
+@pytest.mark.parametrize("more", [{"solver": "explicit"}, {"integrator": "bdf2"},
                                   {"contact_width": 1e-3}])
 def test_other_solvers_are_refused(more):
     scene = Scene(**more)

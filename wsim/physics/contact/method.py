@@ -13,6 +13,7 @@ from wsim.model.vjp import beside
 from wsim.physics.contact.contacts import CollidablePoints, ColliderContacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord, sharp
+from wsim.scene.nodal.touching import collides_with_surfaces
 from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class ContactMethod(Method):
                                   model.shared(np.concatenate(each)), np.array([chord.triangle_breadth(b.rest, f - b.first)
                                             for b, f in zip(model.bodies, each, strict=True)]),
                                   np.array([b.reach.min() for b in model.bodies]),
-                                  np.array([getattr(b.source, "self_collision", False) for b in model.bodies]),
+                                  np.array([collides_with_surfaces(b.source, model.scene) for b in model.bodies]),
                                   np.array([sharp.has_edges(b.source) for b in model.bodies]) if edged else None)
         self.contacts = ColliderContacts(bodies, device=model.device, real=model.real, module=model.module,
                                          substeps=clock.substeps, dt=clock.dt, struck=points.struck, turned=model.gradients)

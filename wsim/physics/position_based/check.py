@@ -115,17 +115,13 @@ def _check_one_radius(thing: Particles, scene: Scene) -> Iterator[Problem]:
 
 
 def _check_solver(thing: Particles, scene: Scene) -> Iterator[Problem]:
-    """Particles move in the iterations of XPBD, with backward Euler."""
-    if scene.solver not in ("auto", "xpbd"):
-        yield thing_error(thing.path, f"solver is {scene.solver}", "xpbd, or auto, which takes it for particles",
+    """Particles move in the iterations of XPBD, or before Newton steps, with backward Euler."""
+    if scene.solver not in ("auto", "xpbd", "implicit"):
+        yield thing_error(thing.path, f"solver is {scene.solver}", "xpbd, implicit, or auto, which chooses for particles",
                           "author wsim:solver = xpbd; or take material points, which need none")
     if scene.integrator not in ("auto", "backward_euler"):
         yield thing_error(thing.path, f"integrator is {scene.integrator}", "backward_euler, or auto",
                           "author wsim:integrator = auto")
-    solid = next((body.path for body in scene.bodies() if body.is_solid), None)
-    if solid is not None:
-        yield thing_error(thing.path, f"a soft body {solid} beside particles", "cloth, nets and rigid bodies",
-                          "take material points, or a scene without the soft body")
     if scene.contact_width > 0.0:
         yield thing_error(thing.path, f"contact_width is {scene.contact_width:g} m", "0 beside particles",
                           "their contacts are hard: author wsim:contactWidth = 0")

@@ -91,6 +91,9 @@ class DensityConstraints(Method):
 
     def connect_ports(self, others) -> None:
         self.search.lists.wanted = self.status.word(NEAR_WORD)
+        if others.ports.newton_sweeps is not None:
+            others.ports.newton_sweeps.append(self.solve)
+            self.stages = [stage for stage in self.stages if stage.name != "densities"]
 
     def before_frame(self, time: float, clock: Clock) -> None:
         self.colliders.pose(time, clock.dt)

@@ -42,6 +42,7 @@ class GrainContacts(Method):
         super().__init__("grains")
         self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
         self.bodies = meeting_bodies(b.model)
+        self.path = next(body.path for body in self.bodies if body.source.meets_as_balls)
         launches = self.launches = ParticleLaunches(b.model, "grains")
         radii, coarse = ball_radii(self.bodies)
         points = SearchedPoints.of(self.bodies, radii, ball_groups(self.bodies))
@@ -96,6 +97,9 @@ class GrainContacts(Method):
     def connect_ports(self, others) -> None:
         """Colliders answer the forces that grains begin with before the first iteration: it would see the lowest ones fall."""
         self.search.lists.wanted, self.touched.wanted = self.status.word(NEAR_WORD), self.status.word(TOUCH_WORD)
+        if others.ports.newton_sweeps is not None:
+            others.ports.newton_sweeps.append(self.solve)
+            self.stages = [stage for stage in self.stages if stage.name != "grains"]
         if (contact := others.ports.contact) is not None:
             contact.stages.append(Stage("first contacts", "collide", contact.project, 1, self.model.points * 4,
                                         what="points that forces of grains press"))
@@ -149,10 +153,10 @@ class GrainContacts(Method):
         deep, fast = int(status.said(DEEP_WORD)[0]), int(status.said(FAST_WORD)[0])
         found: list[tuple[tuple, float, str]] = []
         if deep > 1e6 * DEEP:
-            found.append(((DEEP_WORD,), deep / 1e4, f"{self.bodies[0].path}: grains overlap by {{worst}} % of the distance of "
+            found.append(((DEEP_WORD,), deep / 1e4, f"{self.path}: grains overlap by {{worst}} % of the distance of "
                           "their centres; give more substeps, or more iterations"))
         if fast:
-            found.append(((FAST_WORD,), fast, f"{self.bodies[0].path}: {{worst}} times in a frame a grain moved more than two "
+            found.append(((FAST_WORD,), fast, f"{self.path}: {{worst}} times in a frame a grain moved more than two "
                           "diameters in a substep, and may have passed through others; give more substeps, or larger grains"))
         return found
 

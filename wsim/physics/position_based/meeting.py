@@ -1,4 +1,5 @@
-"""Which points touch each other as balls: grains, and in their company points of all other bodies.
+"""Which points touch each other as balls: grains, clouds of points that collide, and in their company points of all bodies
+without a surface that collides. Surfaces that do (`self_collision`) are met by self-contact, as triangles.
 
 A point of a cloth or net is a ball about it, as in Macklin et al. 2014, and large enough that no grain passes between: the hole
 in a triangle of circumradius c, and in the middle of an edge of 2 c, is closed by balls of c - CLOSED R for grains of radius R.
@@ -8,25 +9,27 @@ The points of a body do not touch each other so: cloth has self-contact, a fluid
 import numpy as np
 
 from wsim.model.model import Model, PointBody
+from wsim.scene.nodal.touching import bodies_that_touch_as_balls
 
 CLOSED = 0.2           # of a grain's radius that may stand in a hole
+SAMPLED = 256          # points of a cloud whose nearest neighbours tell how far apart its points are
+FLUIDS, OTHERS = 0, 1  # groups
 LARGEST = 3.0          # grains' radii that the ball of a point may have: a coarser mesh has holes, and is warned of
 
 
 def meeting_bodies(model: Model) -> list[PointBody]:
-    """Bodies whose points touch as balls: none where there are no particles, or a fluid alone."""
-    grains = [body for body in model.bodies if body.source.collides_as_grains]
-    particles = [body for body in model.bodies if body.source.is_particles]
-    return list(model.bodies) if particles and (grains or len(particles) < len(model.bodies)) else []
+    """Bodies whose points touch as balls: none where there are no balls, or a fluid alone."""
+    paths = {source.path for source in bodies_that_touch_as_balls(model.scene)}
+    return [body for body in model.bodies if body.path in paths]
 
 
 def ball_radii(bodies: list[PointBody]) -> tuple[list[np.ndarray], list[str]]:
     """Radius of each point of the bodies [m], and paths of those whose meshes are too coarse to stop the smallest particle."""
-    least = min(float(body.reach.min()) for body in bodies if body.source.is_particles)
+    least = min(float(body.reach.min()) for body in bodies if body.source.meets_as_balls)
     radii, coarse = [], []
     for body in bodies:
         reach = body.reach.astype(np.float64)
-        if not body.source.is_particles:
+        if not body.source.meets_as_balls:
             wanted = np.maximum(reach, _hole_radii(body) - CLOSED * least)
             reach = np.minimum(wanted, max(LARGEST * least, float(reach.max(initial=0.0))))
             coarse += [body.path] * bool(np.any(reach < wanted) and body.world == 0)
@@ -35,12 +38,14 @@ def ball_radii(bodies: list[PointBody]) -> tuple[list[np.ndarray], list[str]]:
 
 
 def ball_groups(bodies: list[PointBody]) -> list[int]:
-    """Group of each body, whose points do not touch each other: one of all fluids, one of each body else; -1: grains."""
-    return [-1 if body.source.collides_as_grains else 0 if body.source.is_particles else 1 + body.number for body in bodies]
+    """Group of each body, whose points do not touch each other: of all fluids, of all that are no balls by themselves, of each
+    cloud of points; -1: grains."""
+    return [-1 if body.source.collides_as_grains else FLUIDS if body.source.is_fluid else
+            OTHERS + 1 + body.number if body.source.meets_as_balls else OTHERS for body in bodies]
 
 
 def _hole_radii(body: PointBody) -> np.ndarray:
-    """Radius of the largest hole at each point of a mesh at rest [m], (points,)."""
+    """Radius of the largest hole at each point of a mesh at rest [m], (points,); of a cloud of points, of a square of them."""
     found, rest = np.zeros(body.count), body.rest.astype(np.float64)
     edges = body.edges - body.first
     if len(body.triangles):
@@ -52,4 +57,8 @@ def _hole_radii(body: PointBody) -> np.ndarray:
         np.maximum.at(found, triangles, hole[:, None])
     elif len(edges):
         np.maximum.at(found, edges, 0.5 * np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)[:, None])
+    elif len(rest) > 1:
+        some = rest[np.random.default_rng(0).permutation(len(rest))[:SAMPLED]]
+        apart = np.linalg.norm(some[:, None] - rest[None], axis=-1)
+        found[:] = np.median(np.partition(apart, 1, axis=1)[:, 1]) / np.sqrt(2.0)
     return found

@@ -73,6 +73,7 @@ class Particles(Deformable):
     """
 
     noun, plural, model, is_particles = "particles", True, "particles", True
+    meets_as_balls = True
 
     path: str
     points: np.ndarray

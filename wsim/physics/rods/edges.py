@@ -39,6 +39,8 @@ class StrandEdges:
         self.triangles = np.zeros((0, 3), np.int32)
         self.own = self.free = {"points": len(self.points), "edges": len(self.edges), "triangles": 0}
         self.obstacles, self.total = None, ground.points
+        self.balls, self.ball_margin, self.ball_edges = np.zeros(0, np.int32), 0.0, slice(len(self.edges), None)
+        self.looking = len(self.points)
         self.strand = np.tile(np.arange(m), table.longest).astype(np.int32)
         self.worlds_of = np.repeat([world for _, world in table.pairs], [own.stop - own.start for own in table.own])
         self.world = self.worlds_of[self.strand].astype(np.int32)
@@ -69,7 +71,8 @@ class StrandEdges:
             pairs.surface_type(wp.float64), w=up(w, wp.float64), point=up(self.points, int), edge=up(self.edges, wp.vec2i),
             triangle=up(self.triangles, wp.vec3i), unit=up(unit[k], wp.float64), reach=up(reach, wp.float64),
             friction=up(friction[k], wp.vec2d), rest=up(self.along[:, None] * (1.0, 0.0, 0.0), wp.vec3d), body=up(k, int),
-            world=up(self.world, int), shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
+            world=up(self.world, int), role=up(np.zeros_like(self.world), int),
+            shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
             longest=LONG * self.edge, tied=0, ulp=ULP[np.float64])
 
     def start(self, model: CoupledGround) -> np.ndarray:

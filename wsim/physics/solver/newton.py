@@ -56,6 +56,10 @@ class Implicit(Method):
         super().__init__("implicit")
         self.model, self.state, self.every, self.terms = model, state, rows, list[NewtonTerm]()
         self.assembly = own = Assembly(model, state, points, self.every, clock.h)
+        self.sweeps: Any = None
+        if any(body.meets_as_balls for body in model.scene.bodies()):
+            from wsim.physics.solver.contact.pushed import NewtonSweeps
+            self.sweeps = NewtonSweeps(own)
         self.c = own.system.zeros(model.points, types(model.real).vec3)
         state.points.take(StateField("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
         self.kernels = {f.__name__: f(model.real, model.step_modules[0]) for f in (newton.begin, newton.stay, newton.end)}
@@ -80,7 +84,8 @@ class Implicit(Method):
     def offer(self) -> None:
         own = self.assembly
         self.offers = Ports(constraint_rows=self.every, tet_tables=own.solids, newton_tables=list(own.tables.values()),
-                            newton_assembly=own, newton_terms=self.terms, line_search_lanes=self.line.lanes)
+                            newton_assembly=own, newton_terms=self.terms, line_search_lanes=self.line.lanes,
+                            newton_sweeps=self.sweeps)
         if self.adjoint:
             self.offers.force_gather, self.offers.solve_adjoint = self.adjoint.pull, self.adjoint
         if own.springs:
@@ -115,6 +120,8 @@ class Implicit(Method):
         own = self.assembly
         if clock.i == 0 and clock.k == 0:
             own.forget()
+        if self.sweeps:
+            self.sweeps.run(clock)
         if clock.i == 0:
             self.start(clock)
         self.assemble(clock, clock.i == 0)

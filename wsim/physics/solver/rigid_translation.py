@@ -8,6 +8,7 @@ from wsim.kernels.solver import rigid_translation as kernels
 from wsim.model.model import Model
 from wsim.model.ports import NewtonTerm
 from wsim.physics.solver.assembly import Assembly
+from wsim.scene.nodal.touching import collides_with_surfaces
 
 
 def sharing_groups(model: Model) -> np.ndarray:
@@ -45,7 +46,7 @@ def touching_groups(model: Model, group: np.ndarray) -> np.ndarray:
     """Groups where bodies of a world whose surfaces touch are one."""
     found = group
     for world in range(model.worlds):
-        touch = [b.number for b in model.bodies if b.world == world and getattr(b.source, "self_collision", False)]
+        touch = [b.number for b in model.bodies if b.world == world and collides_with_surfaces(b.source, model.scene)]
         if touch:
             mine = np.unique(group[touch])
             found = np.where(np.isin(group, mine), mine[0], found)

@@ -24,7 +24,10 @@ import numpy as np
 from wsim.geometry import topology
 from wsim.model.model import Model, PointBody, hard_places
 from wsim.physics.cloth.constraints import of_body
+from wsim.scene.integrator import TABLE, Integrator
+from wsim.scene.methods import has_tets
 
+LOADED = 0.1           # strain that sweeps may leave in a cloth under particles, by the estimate; measured: 2 times as much
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
@@ -65,3 +68,29 @@ def masses_are_uneven(model: Model) -> bool:
             if np.any(np.nanmax(held, axis=1, initial=0.0) > UNEVEN * np.nanmin(held, axis=1, initial=np.inf)):
                 return True
     return False
+
+
+def solver_for_particles(model: Model) -> tuple[str, Integrator, str]:
+    """Solver, integrator and reason for a scene with particles: Newton steps take turns with their constraints where there are
+    soft bodies, and where sweeps would leave a cloth strained under all of them."""
+    scene, euler = model.scene, TABLE["backward_euler"]
+    if has_tets(scene):
+        return "implicit", euler, "Newton steps of soft bodies take turns with constraints that move particles"
+    path, left = strain_under_particles(model)
+    if scene.solver == "auto" and left > LOADED:
+        return "implicit", euler, f"sweeps would leave {path} strained by {left:.2g} under particles: Newton steps bear them"
+    return ("implicit" if scene.solver == "implicit" else "xpbd"), euler, "constraints move particles"
+
+
+def strain_under_particles(model: Model) -> tuple[str, float]:
+    """(path, strain) of the cloth in which the scene's sweeps leave most, if all particles lie on it: g q h^2 / iterations,
+    with their mass in q. ("", 0) where there is none."""
+    scene, pinned, found = model.scene, hard_places(model), ("", 0.0)
+    own = [b for b in model.bodies if b.world == 0]
+    load = sum(float(b.masses.sum()) for b in own if b.source.is_particles)
+    h = 1.0 / (scene.fps * scene.substeps)
+    for body in (b for b in own if b.source.is_sheet and len(b.triangles)):
+        size = float(np.ptp(body.rest, axis=0).max())
+        q = slenderness_of_cloth(body, pinned, size) * (1.0 + load / float(body.masses.sum()))
+        found = max(found, (body.path, float(np.linalg.norm(scene.gravity)) * q * h * h / scene.iterations), key=lambda f: f[1])
+    return found

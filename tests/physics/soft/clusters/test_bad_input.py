@@ -27,7 +27,7 @@ LINE = np.arange(5)[:, None] * np.array([0.1, 0.0, 0.0])
     (CUBE, {"mass": 1.0, "sizes": [27], "members": [*range(26), 27]}, "members[26] is 27"),
     (CUBE, {"mass": 1.0, "sizes": [27], "members": [*range(26), 0]}, "names a point twice"),
     (CUBE * [1, 1, 0], {"mass": 1.0, "yield_strain": 0.1, "creep": 1.0}, "its clusters are flat, and it has a yield_strain"),
-    (CUBE, {"mass": 1.0, "self_collision": True}, "self_collision is on, and it has no surface"),
+    (CUBE, {"mass": 1.0, "self_collision": True}, "self_collision is on, and it has neither a surface nor a radius"),
 ])
 def test_bad_input_is_one_line(points, more, said):
     scene = Scene(gravity=(0, 0, 0))

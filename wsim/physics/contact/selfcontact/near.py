@@ -66,13 +66,16 @@ class NearPairList:
         self.lanes = LANES * motion_bounds.FOLD if device.is_cuda or len(surfaces.points) >= MANY else LANES
         self.moments = [zeros((self.lanes // motion_bounds.FOLD**k, motion_bounds.COLUMNS), dtype=real) for k in range(4)
                         if motion_bounds.FOLD**k <= self.lanes]
-        each = np.split(surfaces.points, [surfaces.own["points"], surfaces.free["points"]])
-        self.tips = [TreeOrder(model, surfaces, 2, [own]) for own in each if len(own)]      # points that look, bodies' first
+        self._order_points(model, surfaces)
         self.alone: Any = None                   # edges of bodies, where strands have edges as well
         if surfaces.own["edges"] < surfaces.free["edges"]:
             self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
         self.trees = [SurfaceTree(model, surfaces, kind, span) for kind, span in self._tree_row_spans()]
-        self.forest = SurfaceTrees(model, self.trees, self._tree_searches())
+        self.ball_edges = model.upload(np.arange(len(surfaces.edges), dtype=np.int32)[surfaces.ball_edges], int)
+        searches = self._tree_searches()
+        margins = [surfaces.ball_margin * any(order is own for own in (self.ball_tips, self.ball_edges))
+                   for _, order, _ in searches]
+        self.forest = SurfaceTrees(model, self.trees, searches, margins)
         self.age = self.rounds = self.capacity = 0
         self.solves = False                      # True: Newton steps solve for rows
         self.listed_at, self.found_at = PlacedStruct(pairs.pair_type(real), device), PlacedStruct(pairs.BoxPairs, device)
@@ -81,6 +84,15 @@ class NearPairList:
         self.threads = min(max(LEAST, 8 * len(surfaces.points)), THREADS) if device.is_cuda else 1
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
+
+    def _order_points(self, model: Model, surfaces: ContactSurfaces) -> None:
+        """tips: points that look for triangles, those of surfaces, balls, strands and colliders, where there are some."""
+        looking, balls = surfaces.looking, surfaces.looking + len(surfaces.balls)
+        each = np.split(surfaces.points, [looking, balls, surfaces.own["points"], surfaces.free["points"]])
+        orders = [TreeOrder(model, surfaces, 2, [own]) if len(own) else None for own in (*each[:2], *each[3:])]
+        self.tips = [order for order in orders if order]
+        self.solid_tips = [order.item for order in orders[:2] if order]
+        self.ball_tips: Any = orders[1].item if orders[1] else None
 
     def beside(self) -> NearPairList:
         """A short list of the same surfaces: a search for it leaves this one as it is."""
@@ -98,16 +110,19 @@ class NearPairList:
     def _tree_row_spans(self) -> list[tuple[int, slice]]:
         """Kind and stretch of each tree: triangles and edges that are no collider's, then those that are."""
         free, found = self.surfaces.free, [(0, "triangles"), (1, "edges")]
-        own = [(kind, slice(0, free[name])) for kind, name in found]
-        return own + [(kind, slice(free[name], None)) for kind, name in found if self.surfaces.obstacles]
+        own, ends = [(kind, slice(0, free[name])) for kind, name in found], (None, self.surfaces.ball_edges.start)
+        return own + [(kind, slice(free[name], ends[kind])) for kind, name in found if self.surfaces.obstacles]
 
     def _tree_searches(self) -> list[tuple[int, wp.array, int]]:
         """(kind as `search.box_candidate_kernel` has it, points or edges that look, tree that they look into): no collider into
-        another, and no strand into one."""
+        another, no strand into one, and no ball into a ball."""
         edges = self.trees[1].tree.item
         found = [*((0, tips.item, 0) for tips in self.tips), (search.AMONG, edges, 1)]
         more = edges if self.alone is None else self.alone
-        found += [(0, self.tips[0].item, 2), (1, more, 3)] if self.surfaces.obstacles else []
+        if self.surfaces.obstacles:
+            found += [*((0, item, 2) for item in self.solid_tips), (1, more, 3)]
+        if len(self.ball_edges):
+            found += [(1, self.ball_edges, 1)]
         return [each for each in found if self.trees[each[2]].number]            # rods have edges alone
 
     @property

@@ -37,7 +37,7 @@ def report_start_state(model: Model, surfaces: ContactSurfaces) -> list[Problem]
     """Warnings about the surfaces of the first world, by prim path, each with what would do. Where surfaces intersect they keep
     little more than rounding apart from here on: points of either side are on both sides of the other, and a thickness would
     push against itself, without end. Raises SceneError where so much is in one place that all of it would be near all else."""
-    bodies = [b for b in surfaces.bodies if b.world == 0]
+    bodies = [b for b in surfaces.active if b.world == 0]
     _refuse_crowded_bodies(bodies, surfaces)
     found = [(b.path, text) for b in bodies for text in (*_report_thick_surface(b, surfaces), *_report_rounding(b, surfaces))]
     found = [*_report_crossed_triangles(model, surfaces), *_report_pierced_triangles(model, surfaces), *found]
@@ -47,9 +47,9 @@ def report_start_state(model: Model, surfaces: ContactSurfaces) -> list[Problem]
 def _first_triangles(surfaces: ContactSurfaces) -> tuple[np.ndarray, int, list[str]]:
     """Triangles of the first world, (t, 3), those of bodies first, which have points that they share in one of them; how many
     are bodies'; and the path of what each is of."""
-    o, own, free = surfaces.obstacles, surfaces.own["triangles"], surfaces.free["triangles"]
+    o, own, free = surfaces.obstacles, surfaces.active_triangles, surfaces.free["triangles"]
     triangles = np.concatenate([surfaces.triangles[:own], surfaces.triangles[free:]])
-    names = [b.path for b in surfaces.bodies for _ in b.triangles]
+    names = [b.path for b in surfaces.active for _ in b.triangles]
     if o:
         each = [(o.contacts.rows.colliders[e.number].path, len(o.places[id(e)]) * len(e.triangles)) for e in o.each]
         names += [path for path, count in each for _ in range(count)]
@@ -76,7 +76,7 @@ def _report_pierced_triangles(model: Model, surfaces: ContactSurfaces) -> list[t
 def _refuse_crowded_bodies(bodies: list[PointBody], surfaces: ContactSurfaces) -> None:
     """Raises SceneError where more than CROWD points are within reach of each other."""
     each = [np.unique(b.triangles) - b.first for b in bodies]
-    x = np.concatenate([(b.places + b.origin)[own] for b, own in zip(bodies, each, strict=True)])
+    x = np.concatenate([np.zeros((0, 3)), *((b.places + b.origin)[own] for b, own in zip(bodies, each, strict=True))])
     refuse_crowded_points(x, np.repeat([b.path for b in bodies], [len(own) for own in each]), "surfaces", surfaces)
 
 

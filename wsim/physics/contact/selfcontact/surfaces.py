@@ -17,11 +17,13 @@ from wsim.model.structs import fill_struct
 from wsim.physics.contact.selfcontact import obstacles
 from wsim.physics.contact.selfcontact.obstacles import SurfaceObstacles
 from wsim.scene import Problem, SceneError
+from wsim.scene.nodal.touching import collides_with_surfaces
 
 if TYPE_CHECKING:
     from wsim.model.model import Model, PointBody
     from wsim.physics.contact.contacts import ColliderContacts
 
+OWN, MET, BALL = kernels.OWN, kernels.MET, kernels.BALL
 SOFT = 0.1             # thickness of the skin of a soft body over its mean edge: none is authored
 TUBE = 0.65            # radius of tubes over the largest thickness; smaller: more searches, larger: more pairs
 TUBE_EDGE = 0.1        # and over the mean edge, if that is more
@@ -30,30 +32,50 @@ ULP = {np.float32: 2.0 ** -24, np.float64: 2.0 ** -53}
 
 
 def self_colliding_bodies(model: Model) -> list[PointBody]:
-    """Bodies of all worlds that touch themselves and each other."""
-    return [b for b in model.bodies if getattr(b.source, "self_collision", False)]
+    """Bodies of all worlds that touch themselves and each other, and those whose points are balls that they meet."""
+    return [b for b in model.bodies if collides_with_surfaces(b.source, model.scene)]
+
+
+def contact_role(body: PointBody) -> int:
+    """OWN, MET or BALL, in the order of the tables."""
+    return BALL if body.source.meets_as_balls else OWN if body.source.self_collision else MET
 
 
 class ContactSurfaces:
     """data: struct of the tables. triangles, edges, points: places, those of bodies first, then those of strands, those of
     colliders last; own: how many of each are bodies', free: no collider's; world: of each point; strands: of rods
     (`wsim.physics.rods.with_surfaces.StrandSurfaceContacts`), obstacles: colliders, or None; total: number of places, with
-    theirs; state: of all of them, or None where bodies are all there is."""
+    theirs; state: of all of them, or None where bodies are all there is. active: bodies that touch themselves and each other,
+    whose triangles are the first; looking: how many points of theirs are the first; behind these balls, and points of surfaces
+    that balls alone meet; ball_margin: how much more than `thickness` a pair with a ball keeps at most [m]; ball_edges: stretch
+    of `edges`."""
 
     def __init__(self, model: Model, w: wp.array, contacts: ColliderContacts | None = None, strands: Any = None):
         """w: inverse masses [1/kg] of all points of bodies. Raises SceneError for a body without a triangle."""
-        self.bodies = self_colliding_bodies(model)
-        self.triangles = model.shared(np.concatenate([b.triangles for b in self.bodies])).astype(np.int32)
-        if none := [b.path for b in self.bodies if not len(b.triangles)]:
+        self.bodies = sorted(self_colliding_bodies(model), key=contact_role)
+        roles = np.array([contact_role(b) for b in self.bodies])
+        split = {role: [b for b, own in zip(self.bodies, roles, strict=True) if own == role] for role in (OWN, MET, BALL)}
+        self.active, no_points = split[OWN], np.zeros(0, np.int32)
+        own, others = (model.shared(np.concatenate([np.zeros((0, 3), int), *(b.triangles for b in split[role])]))
+                       .astype(np.int32) for role in (OWN, MET))
+        self.triangles, self.active_triangles = np.concatenate([own, others]), len(own)
+        if none := [b.path for b in self.bodies if not (len(b.triangles) or b.source.meets_as_balls)]:
             raise SceneError([Problem(path, "none of its faces has an area that rounding leaves; a surface that touches needs "
                                             "at least one triangle") for path in none])
-        self.edges = topology.edges_of_triangles(self.triangles).astype(np.int32)
-        self.points = np.unique(self.triangles).astype(np.int32)
+        self.edges = topology.edges_of_triangles(own).astype(np.int32)
+        self.balls = np.concatenate([no_points, *(np.arange(b.first, b.last, dtype=np.int32) for b in split[BALL])])
+        looking = np.unique(own)
+        self.met = np.setdiff1d(others, looking)
+        self.points = np.concatenate([looking, self.balls, self.met]).astype(np.int32)
+        self.looking = len(looking)
+        self.role = np.repeat([contact_role(b) for b in model.bodies], [b.count for b in model.bodies])
         self.own = self._element_counts()
         self.base, self.total, self.state = self.bodies[0].origin, model.points, None     # type: Any, int, Any
         self.world = np.repeat([b.world for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
         self.reach, self.edge = self._half_thicknesses(model)
-        self.thickness = 2.0 * float(self.reach[self.points].max())
+        thick, balls = self.reach[np.concatenate([looking, self.met])], self.reach[self.balls]
+        self.thickness = 2.0 * float(thick.max(initial=0.0)) or 2.0 * float(balls.max())
+        self.ball_margin = max(float(balls.max(initial=0.0)) - 0.5 * self.thickness, 0.0)
         self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)       # thick ropes are few: theirs widen
         self.w, self.strands = w, strands
         if strands:
@@ -65,6 +87,9 @@ class ContactSurfaces:
             self._meet(self.obstacles)
         if self.total > model.points:
             self._allocate_joined_state(model)
+        self.ball_edges = slice(len(self.edges), None)
+        if strands and len(self.balls):                  # a ball is an edge without length for strands, which have no triangles
+            self.edges = np.concatenate([self.edges, np.stack([self.balls, self.balls], axis=1)])
         self.data = self._upload(model)
 
     def _element_counts(self) -> dict[str, int]:
@@ -130,11 +155,14 @@ class ContactSurfaces:
         """Half thickness of every point [m], and the mean edge at rest [m]."""
         reach, lengths = np.zeros(model.points), []
         for b in self.bodies:
+            if b.source.meets_as_balls:
+                reach[b.first:b.last] = b.reach
+                continue
             ends = b.rest[topology.edges_of_triangles(b.triangles) - b.first]
             lengths.append(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
             reach[b.first:b.last] = np.where(b.reach > 0.0, b.reach, 0.5 * SOFT * lengths[-1].mean())
         np.maximum.at(reach, model.shared(model.gone), reach[model.gone])      # of a body, perhaps, that is not among these
-        return reach, float(np.concatenate(lengths).mean())
+        return reach, float(np.concatenate(lengths).mean()) if lengths else 2.0 * float(reach.max())
 
     def _surface_point_columns(self, model: Model) -> dict[str, np.ndarray]:
         """Tables by point, in float64."""
@@ -160,6 +188,7 @@ class ContactSurfaces:
 
     def _upload(self, model: Model) -> Any:
         t = types(model.real)
+        role = np.concatenate([self.role, np.full(self.total - len(self.role), OWN)]).astype(np.int32)
         dtypes = {"rest": t.vec3, "shift": t.vec3, "far": t.vec3, "friction": t.vec2, "unit": t.scalar}
         body = np.repeat([b.number for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
         body = np.concatenate([body, *(kernels.STRANDS + s.strand for s in [self.strands] if s),
@@ -168,13 +197,14 @@ class ContactSurfaces:
             kernels.surface_type(model.real), w=self.w, point=model.upload(self.points, int),
             triangle=model.upload(self.triangles, wp.vec3i), edge=model.upload(self.edges, wp.vec2i),
             reach=model.upload(self.reach.astype(model.dtype), t.scalar), body=model.upload(body, int),
-            world=model.upload(self.world, int), beta=self.beta, longest=LONG * self.edge, tied=int(model.alias is not None),
-            ulp=ULP[model.dtype], **{name: model.upload(values.astype(model.dtype), dtypes[name])
-                                     for name, values in self._surface_point_columns(model).items()})
+            world=model.upload(self.world, int), role=model.upload(role, int), beta=self.beta, longest=LONG * self.edge,
+            tied=int(model.alias is not None), ulp=ULP[model.dtype],
+            **{name: model.upload(values.astype(model.dtype), dtypes[name])
+               for name, values in self._surface_point_columns(model).items()})
 
     def flatten(self, model: Model, crossed: np.ndarray, reach: float) -> None:
         """Triangles of the first world, (k, 3), and all around them, get a half thickness [m], in every world."""
-        near = self.triangles[:self.free["triangles"]]
+        near = self.triangles[:self.active_triangles]
         lost = np.unique(near[np.isin(near, crossed).any(axis=1)])
         self.reach[lost + np.arange(model.worlds)[:, None] * (model.points // model.worlds)] = reach
         self.data.reach.assign(self.reach.astype(self.data.reach.numpy().dtype))

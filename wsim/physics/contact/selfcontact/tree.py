@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,14 +61,16 @@ class SurfaceTree:
 class SurfaceTrees:
     """All trees, and who looks into which: see kernels/contact/selfcontact/search.py."""
 
-    def __init__(self, model: Model, trees: list[SurfaceTree], searches: list[tuple[int, wp.array, int]]):
-        """searches: kind as `search.box_candidate_kernel` has it, points or edges that look, tree that they look into."""
+    def __init__(self, model: Model, trees: list[SurfaceTree], searches: list[tuple[int, wp.array, int]],
+                 margins: Sequence[float] = ()):
+        """searches: kind as `search.box_candidate_kernel` has it, points or edges that look, tree that they look into; margins:
+        how much more than the thickness of surfaces pairs of each keep at most [m], 0 where none are given."""
         self.model, self.each = model, trees
         self.lay, self.meet = (kernels.leaf_box_kernel(model.real, search_proof_module(model)),
                                search.box_candidate_kernel(model.real, search_proof_module(model), model.device.is_cpu))
         self.leaves, self.fitted = self._walk_launch_rows([(tree.kind, tree.tree.item, k, 1) for k, tree in enumerate(trees)])
         each = [(kind, order, k, self.shares(len(order), trees[k].leaves)) for kind, order, k in searches]
-        self.seekers, self.looks = self._walk_launch_rows(each, search.SIDE_BY_SIDE if model.device.is_cpu else 1)
+        self.seekers, self.looks = self._walk_launch_rows(each, search.SIDE_BY_SIDE if model.device.is_cpu else 1, margins)
         self.join, self.joined = kernels.node_box_kernel(search_proof_module(model)), self._tree_level_launches()
 
     def _tree_level_launches(self) -> list[tuple[int, wp.array]]:
@@ -84,11 +87,13 @@ class SurfaceTrees:
             left = {k: nodes for k, nodes in left.items() if nodes > 1}
         return found
 
-    def _walk_launch_rows(self, rows: list[tuple[int, wp.array, int, int]], each: int = 1) -> tuple[int, wp.array]:
+    def _walk_launch_rows(self, rows: list[tuple[int, wp.array, int, int]], each: int = 1,
+                          margins: Sequence[float] = ()) -> tuple[int, wp.array]:
         """Threads of a launch, and what they do: kind, what looks, its tree, threads that share a walk. each: of one."""
         first = np.cumsum([0, *(-(-shares * len(order) // each) for _, order, _, shares in rows)])
-        looks = [fill_struct(kernels.TreeQuery, first=int(n), kind=kind, shares=shares, order=order, into=self.each[k].tree)
-                 for n, (kind, order, k, shares) in zip(first[:-1], rows, strict=True)]
+        looks = [fill_struct(kernels.TreeQuery, first=int(n), kind=kind, shares=shares, order=order, into=self.each[k].tree,
+                             margin=more)
+                 for n, (kind, order, k, shares), more in zip(first[:-1], rows, margins or [0.0] * len(rows), strict=True)]
         return int(first[-1]), wp.array(looks, dtype=kernels.TreeQuery, device=self.model.device)
 
     def shares(self, looking: int, leaves: int) -> int:

@@ -76,9 +76,9 @@ def _check_surface(thing: Clusters, scene: Scene) -> Iterator[Problem]:
     elif ((thing.indices < 0) | (thing.indices >= n)).any():
         yield thing_error(path, f"a face names point {thing.indices[np.argmax((thing.indices < 0) | (thing.indices >= n))]}",
                           f"0 to {n - 1}", "count from 0")
-    if thing.self_collision and not len(counts):
-        yield thing_error(path, "self_collision is on, and it has no surface", "counts and indices of polygons",
-                          "give it a surface, or a radius and no self_collision")
+    if thing.meets_as_balls and not thing.radius > 0.0:
+        yield thing_error(path, "self_collision is on, and it has neither a surface nor a radius", "polygons, or a radius > 0 "
+                          "that makes its points balls", "give counts and indices, or radius=0.01, say")
     other = next((body.path for body in scene.bodies() if body.self_collision), None)
     if other is not None and not thing.self_collision:
         yield object_warning(path, f"it has no self_collision: it passes through {other}, which has", "self_collision of both",

@@ -76,8 +76,15 @@ class ShapeMatching(Method):
             from wsim.kernels.soft.clusters.flow import cluster_flow_kernel
             self.flow_kernel = cluster_flow_kernel(model.real, self.module)
             self.stages.append(Stage("plastic clusters", "deform", self.flow, 1, size, what="clusters that may flow"))
+        self.swept = b.choice.solver == "implicit" and any(body.meets_as_balls for body in b.scene.bodies())
         self.energy: Any = None
-        self.offers = Ports(shape_matching=self, energy_terms=[self.make_energy_term])
+        self.offers = Ports(shape_matching=None if self.swept else self, energy_terms=[self.make_energy_term])
+
+    def connect_ports(self, others) -> None:
+        """Beside particles Newton steps take turns with projections."""
+        if self.swept:
+            others.ports.newton_sweeps.append(self.project)
+            self.stages = [stage for stage in self.stages if stage.name != "clusters"]
 
     def add_damping(self) -> None:
         """Stage that damps velocities."""

@@ -38,7 +38,8 @@ class Clusters(Deformable):
     rest_points         shape that is kept, (n, 3) [m], own frame; None: points
     static_friction     coefficient of friction [1] up to which a contact sticks
     dynamic_friction    coefficient of friction of a contact that slides [1]
-    self_collision      True: its surface passes neither through itself, nor others that say so, nor mesh colliders and boxes
+    self_collision      True: its surface passes neither through itself, nor others that say so, nor mesh colliders and boxes;
+                        without a surface its points are balls of `radius` that touch particles, surfaces, other such clouds
     """
 
     noun, is_cluster = "shape-matching body", True
@@ -82,6 +83,11 @@ class Clusters(Deformable):
     def loses_energy(self) -> bool:
         """See `Deformable`."""
         return self.flows or self.damping > 0.0
+
+    @property
+    def meets_as_balls(self) -> bool:                                  # type: ignore[override]
+        """See `Deformable`: a cloud of points that collides does."""
+        return self.self_collision and not len(self.counts)
 
     @property
     def has_surface(self) -> bool:

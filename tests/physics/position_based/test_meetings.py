@@ -1,0 +1,152 @@
+"""Particles and what they meet: momentum of both, the distance that they keep, loads of light cloth, and what is fast."""
+
+from math import inf
+
+import numpy as np
+import pytest
+
+import wsim
+from wsim import Bulk, Fabric, shapes
+from wsim.geometry.tetra.tets import tet_surface_triangles
+from wsim.geometry.triangulate import triangulate_polygons
+from wsim.physics.position_based.objects import Grains
+from wsim.scene import Scene
+
+R = 0.01
+POINTS, TETS = shapes.block((0.15, 0.1, 0.15), (3, 2, 3))
+POINTS = POINTS - POINTS.mean(axis=0)
+SURFACE = tet_surface_triangles(TETS)
+
+
+def add_partner(scene, partner):
+    """Something free, whose top is 5 cm up or less."""
+    if partner == "soft":
+        scene.soft("/other", POINTS, TETS, material=Bulk(young=3e4, density=300.0))
+    elif partner == "clusters":
+        scene.clusters("/other", POINTS, counts=np.full(len(SURFACE), 3), indices=SURFACE.ravel(), mass=0.7, stiffness=4e3)
+    elif partner == "cloud":
+        scene.clusters("/other", POINTS, mass=0.7, stiffness=inf, radius=0.03, self_collision=True,
+                       static_friction=0.0, dynamic_friction=0.0)
+    elif partner == "cloth":
+        scene.cloth("/other", *shapes.sheet(0.2, 0.2, 8, 8, horizontal=True),
+                    material=Fabric(500.0, thickness=0.002, density=500.0))
+    else:
+        t, rows = np.linspace(-0.15, 0.15, 13), np.linspace(-0.04, 0.04, 5)
+        points = np.concatenate([np.stack([t, 0 * t, 0 * t + z], axis=1) for z in rows])
+        scene.rods("/other", points, [13] * 5, diameters=[0.01], young=1e7, density=1100.0, self_collision=True,
+                   static_friction=0.0, dynamic_friction=0.0)
+
+
+def throw(partner, material, speed=1.0, number=2, **more):
+    """A simulation of particles that fly down at what is free, without gravity."""
+    scene = Scene(**{"fps": 60, "substeps": 8, "iterations": 4, "gravity": (0, 0, 0)} | more)
+    k = np.stack(np.meshgrid(*[np.arange(number)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    x = 2.05 * R * (k - 0.5 * (number - 1)) + [0.003, 0.1, 0.002]
+    scene.particles("/p", points=x, radius=R, velocities=np.tile([0.05, -speed, 0.1], (len(x), 1)), material=material)
+    add_partner(scene, partner)
+    return wsim.Simulation(scene, device="cpu")
+
+
+def momenta(simulation):
+    """Sums of m v and of x cross m v."""
+    P, L = np.zeros(3), np.zeros(3)
+    parts = [(b.point_masses, simulation.positions(b.path).astype(float), simulation.velocities(b.path).astype(float))
+             for b in simulation.model.bodies]
+    if rods := simulation.plan.method("rods") if simulation.scene.things("Rods") else None:
+        parts.append((rods.table.values["m"].T.ravel(), *rods.points(0)))
+    for m, x, v in parts:
+        P, L = P + m @ v, L + np.cross(x, m[:, None] * v).sum(axis=0)
+    return P, L
+
+
+@pytest.mark.parametrize("material", [Grains(static_friction=0.0, dynamic_friction=0.0), "fluid"])
+@pytest.mark.parametrize("partner", ["cloth", "soft", "clusters", "cloud", "rods"])
+def test_what_particles_lose_the_other_gains(partner, material):
+    """Momentum to 2e-6 of all of it, the moment to 2 % of it at 0.1 m: normals are those of the start of a substep."""
+    simulation = throw(partner, material)
+    before, moment = momenta(simulation)
+    simulation.run(8)
+    after, now = momenta(simulation)
+    size = np.linalg.norm(before)
+    assert simulation.velocities("/p")[:, 1].max() > -0.97                            # they met
+    assert np.abs(after - before).max() < 2e-6 * size
+    assert np.abs(now - moment).max() < 0.02 * 0.1 * size
+
+
+def distance_to_triangles(p, corners):
+    """Least distance of points (n, 3) to triangles (t, 3, 3), by a fine sample of each."""
+    k = np.stack(np.meshgrid(*[np.arange(21)] * 2, indexing="ij"), -1).reshape(-1, 2) / 20.0
+    k = k[k.sum(axis=1) <= 1.0]
+    weights = np.column_stack([1.0 - k.sum(axis=1), k])
+    places = (weights @ corners).reshape(-1, 3)
+    return np.linalg.norm(p[:, None] - places[None], axis=-1).min()
+
+
+@pytest.mark.parametrize("collides", [False, True])
+def test_a_grain_lies_on_a_cloth_and_not_above_it(collides):
+    """At its radius and half of the thickness, whether the cloth collides with itself or not."""
+    scene = Scene(fps=60, substeps=8, iterations=4)
+    cloth = scene.cloth("/cloth", *shapes.sheet(0.1, 0.1, 5, 5, horizontal=True), self_collision=collides,
+                        material=Fabric(2000.0, thickness=0.002, density=1000.0, damping=0.002))
+    edge = np.flatnonzero(np.abs(np.asarray(cloth.points)[:, [0, 2]]).max(axis=1) > 0.049)
+    scene.pin("/pin", cloth, edge)
+    scene.particles("/p", points=[[0.003, 0.013, 0.002]], radius=R)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(60)
+    corners = simulation.positions("/cloth").astype(float)[triangulate_polygons(cloth.points, cloth.counts, cloth.indices)[0]]
+    away = distance_to_triangles(simulation.positions("/p").astype(float), corners)
+    assert abs(away / (R + 0.001) - 1.0) < 0.02
+    assert np.abs(simulation.velocities("/p")).max() < 0.02
+
+
+def test_a_light_cloth_bears_heavy_grains_by_newton_steps():
+    """Grains 30 and 3000 times as heavy as points of the cloth hang as deep, to a tenth: the load is theirs alone."""
+    depth = []
+    for density in (500.0, 5.0):
+        scene = Scene(fps=60, substeps=8, iterations=4, solver="auto" if density < 10.0 else "implicit")
+        cloth = scene.cloth("/cloth", *shapes.sheet(0.2, 0.2, 8, 8, horizontal=True),
+                            material=Fabric(2000.0, thickness=0.002, density=density, damping=0.004))
+        scene.pin("/pin", cloth, np.flatnonzero(np.abs(np.asarray(cloth.points)[:, [0, 2]]).max(axis=1) > 0.099))
+        scene.particles("/p", points=[[0.01 + 0.021 * i, 0.013, 0.002] for i in range(-2, 2)], radius=R)
+        simulation = wsim.Simulation(scene, device="cpu")
+        assert simulation.plan.choice.solver == "implicit"
+        simulation.run(60)
+        depth.append(float(simulation.positions("/cloth")[:, 1].min()))
+    assert abs(depth[1] / depth[0] - 1.0) < 0.1 and depth[1] > -0.02
+
+
+@pytest.mark.parametrize("partner", ["cloth", "soft", "clusters"])
+def test_no_grain_of_a_hundred_diameters_a_substep_passes_a_surface(partner):
+    simulation = throw(partner, "grains", 100 * 2 * R * 480, 1)
+    simulation.run(2)
+    x, v = simulation.positions("/p"), simulation.velocities("/p")
+    assert np.isfinite(x).all() and np.isfinite(simulation.positions("/other")).all()
+    assert v[0, 1] > -0.9 * 960.0                                                   # it was stopped, or carries the other along
+    assert x[0, 1] > simulation.positions("/other")[:, 1].min()
+    assert any("came nearer by more than an edge" in str(w) for w in simulation.warnings)
+
+
+def test_two_clouds_of_points_meet():
+    """Clusters without a surface that collide keep the distance of their balls, and their momentum."""
+    scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
+    cube = 0.02 * (np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(-1, 3) - 1.0)
+    for k, v in enumerate((-1.0, 1.0)):
+        scene.clusters(f"/{'ab'[k]}", cube + [0.003 * k, -0.04 * v, 0.0], mass=0.5 + k, stiffness=inf, radius=R,
+                       self_collision=True, velocities=np.tile([0.0, v, 0.0], (27, 1)))
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(12)
+    a, b = simulation.positions("/a"), simulation.positions("/b")
+    v = [simulation.velocities(path).astype(float).mean(axis=0) for path in ("/a", "/b")]
+    assert np.linalg.norm(a[:, None] - b[None], axis=-1).min() > 0.9 * 2 * R
+    assert np.abs(0.5 * v[0] + 1.5 * v[1] - [0.0, 1.0, 0.0]).max() < 1e-5 and v[1][1] < 0.9
+
+
+@pytest.mark.parametrize("partner", ["soft", "rods"])
+def test_two_runs_and_a_reset_have_the_same_bits(partner):
+    first, second = (throw(partner, "grains") for _ in range(2))
+    first.run(6)
+    second.run(6)
+    assert np.array_equal(first.positions("/p"), second.positions("/p"))
+    second.reset()
+    second.run(6)
+    assert np.array_equal(first.positions("/p"), second.positions("/p"))
