@@ -71,6 +71,11 @@ def test_newtons_step_rate_is_a_hint_for_the_substeps(read):
     assert scene.substeps == 20 and "newton:timeStepsPerSecond" in notes(scene)
 
 
+def test_newtons_switch_of_gravity_and_mujocos_medium(read):
+    scene = read(cloth() + 'def PhysicsScene "a" {\nbool newton:gravityEnabled = 0\ndouble mjc:option:density = 1.2\n}\n')
+    assert scene.gravity == (0.0, 0.0, 0.0) and "mjc:option:density = 1.2 is left out" in notes(scene)
+
+
 # Bodies --------------------------------------------------------------------------------------------------------------
 
 def test_a_body_on_the_parent_gives_its_mass_and_the_mesh_its_path(read):

@@ -82,7 +82,7 @@ class StatePart:
             if f in kept:
                 k = kept.index(f)
                 part.fields += (f,)
-                part.arrays[f.name] = every[k * room:(k + 1) * room]
+                part.arrays[f.name] = every[k * room:(k + 1) * room] if room else wp.empty_like(every)
             else:
                 part.take(f, wp.zeros(room, dtype=f.dtype(real), device=device))
         return part

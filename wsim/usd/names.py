@@ -34,9 +34,8 @@ BINDING = "MaterialBindingAPI"
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
-WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID, WSIM_ACTUATOR = ("WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI",
-                                                         "WsimActuatorAPI")
-ACTUATORS = ("MjcActuator", "NewtonActuator")
+WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
+ACTUATORS, WSIM_ACTUATOR, WSIM_JOINT = ("MjcActuator", "NewtonActuator"), "WsimActuatorAPI", "WsimJointAPI"
 WSIM_SHAPES, WSIM_DOMAIN, WSIM_SOURCE, WSIM_LIQUID, WSIM_POUR = table.HELD, table.DOMAIN, table.SOURCE, table.LIQUID, table.POUR
 NEWTON_POINTS, NEWTON_MATERIAL, NEWTON_MPM_SCENE = "NewtonPointsDeformableSimAPI", "NewtonMPMMaterialAPI", "NewtonMPMSceneAPI"
 WSIM_RODS, WSIM_GRAINS, WSIM_DRAIN, PHYSX_SET = ("WsimRodsAPI", "WsimMaterialPointsAPI", "WsimMaterialSinkAPI",
@@ -165,6 +164,7 @@ OTHERS = (
     AttributeEntry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
     AttributeEntry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
     AttributeEntry("Actuator", "axis", WSIM_ACTUATOR, "wsim:axis", "token", uniform=True),
+    AttributeEntry("Joint", "hinges", WSIM_JOINT, "wsim:hinges", "vector3d[]", "m", uniform=True),
 
     AttributeEntry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
     AttributeEntry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),

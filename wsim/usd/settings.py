@@ -1,7 +1,8 @@
 """The PhysicsScene prim <-> gravity, air and solver settings of a `Scene`.
 
 Gravity as UsdPhysics has it: direction (0, 0, 0) is minus the up axis, a negative magnitude is 9.81 m/s^2. The first
-PhysicsScene counts. newton:timeStepsPerSecond is a hint for the substeps where wsim:substeps is not authored.
+PhysicsScene counts. newton:gravityEnabled = false is no gravity. newton:timeStepsPerSecond is a hint for the substeps where
+wsim:substeps is not authored.
 """
 
 import math
@@ -16,6 +17,8 @@ from wsim.usd.load_varying import note_varying_values, value_attributes_of_prim
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, attribute_entry, schema_fields
 from wsim.usd.stage import StageReading, StageUnits, open_stage
 
+GRAVITY_SWITCH = "newton:gravityEnabled"
+MEDIUM = ("mjc:option:density", "mjc:option:viscosity")       # of the air or water around MuJoCo's bodies
 LEAST = 1e-12          # of a unit, in metres, kilograms and seconds: powers of it are numbers too
 LATEST = 1e9           # a time code: a millionth of a frame is still told from the next one
 LONG = 100_000         # frames of a stage (an hour at 24 a second): beyond, --frames says how many are meant
@@ -89,6 +92,10 @@ def load_settings(reading: StageReading, prims: list[Usd.Prim]) -> Scene:
     for name, value in _read_scene_settings(reading, prim).items():
         setattr(scene, name, value)
     note_varying_values(reading, "/", Scene, value_attributes_of_prim(prim), lambda at: _read_scene_settings(at, prim))
+    for name in MEDIUM:
+        if (attribute := prim.GetAttribute(name)) and attribute.Get(reading.start):
+            reading.warn(prim.GetPath(), f"{name} = {attribute.Get(reading.start):g} is left out: wsim has no drag of a medium "
+                         "on bodies; author wsim:drag of WsimRigidBodyAPI for one that is linear")
     hint = prim.GetAttribute(STEPS_HINT)
     if read_attribute(prim, "Scene", "substeps", units) is None and hint and hint.HasAuthoredValue():
         _substeps_from_hint(reading, prim, scene, hint.Get(reading.start))
@@ -119,7 +126,9 @@ def _down_direction(units: StageUnits) -> tuple[float, float, float]:
 
 def _read_gravity(reading: StageReading, prim: Usd.Prim) -> tuple[float, float, float]:
     """As `_gravity_vector`, where direction and magnitude are numbers; what is none is reported."""
-    units = reading.units
+    units, switch = reading.units, prim.GetAttribute(GRAVITY_SWITCH)
+    if switch and switch.Get(reading.start) is False:
+        return 0.0, 0.0, 0.0
     direction, magnitude = (read_attribute(prim, "Scene", name, units) for name in ("direction", "magnitude"))
     if direction is not None and not all(map(math.isfinite, direction)):
         found = ", ".join(f"{v:g}" for v in direction)

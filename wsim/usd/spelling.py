@@ -20,7 +20,7 @@ PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material"
           names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,
           names.WSIM_SHAPES: names.WSIM_SHAPES,
           names.WSIM_RODS: names.CURVES_SIM, names.WSIM_ATTACHMENT: names.ATTACHMENT, names.WSIM_LOAD: names.WSIM_LOAD,
-          names.WSIM_RIGID: names.RIGID_BODY, names.WSIM_ACTUATOR: names.WSIM_ACTUATOR,
+          names.WSIM_RIGID: names.RIGID_BODY, names.WSIM_ACTUATOR: names.WSIM_ACTUATOR, names.WSIM_JOINT: names.WSIM_JOINT,
           names.WSIM_DOMAIN: names.WSIM_DOMAIN, names.WSIM_SOURCE: names.WSIM_SOURCE,
           names.WSIM_LIQUID: names.WSIM_LIQUID, names.WSIM_POUR: names.WSIM_POUR, names.WSIM_GRAINS: names.WSIM_GRAINS,
           names.WSIM_SKELETON: "Skeleton", names.WSIM_CORRECTIVE: "BlendShape", names.WSIM_PARTICLES: names.WSIM_PARTICLES}

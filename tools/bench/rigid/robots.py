@@ -33,7 +33,7 @@ from wsim.physics.rigid.mass import body_inertia  # noqa: E402
 from wsim.scene import SceneError  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 from wsim.usd import load  # noqa: E402
-from wsim.usd.new.robot import _find_converter, author_robot  # noqa: E402
+from wsim.usd.new.robot import author_robot, find_converter  # noqa: E402
 
 FREE, TOUCHING = 5e-5, 5e-4          # [s] steps of MuJoCo
 MUJOCO = """
@@ -73,7 +73,7 @@ def compare(file: str, frames: int, substeps: int, contacts: bool) -> str:
     """A row of the table."""
     with tempfile.TemporaryDirectory() as place:
         author_robot(file, f"{place}/robot.usda")
-        python = _find_converter("mujoco-usd-converter").parent / "python"
+        python = find_converter("mujoco-usd-converter").parent / "python"
         step = TOUCHING if contacts else FREE
         subprocess.run([python, "-c", MUJOCO, file, f"{place}/o.json", str(frames), "40", str(step), str(int(contacts))],
                        check=True, capture_output=True, env={}, cwd=place)

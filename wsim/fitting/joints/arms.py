@@ -45,7 +45,8 @@ class DeviceArms:
             force=up([m.mass * gravity + body.force for m, body in zip(masses, bodies, strict=True)], wp.vec3d),
             torque=up([body.torque for body in bodies], wp.vec3d),
             slides=up([links.slides[k] for k in which], int), ball=up([links.ball[k] for k in which], int),
-            axis=up(np.reshape(links.axis, (-1, 3))[self.dof_rows], wp.vec3d), turns=up(turns, int), moves=up(moves, int),
+            **{name: up(np.reshape(getattr(links, name), (-1, 3))[self.dof_rows], wp.vec3d) for name in ("axis", "point")},
+            turns=up(turns, int), moves=up(moves, int),
             armature=up(tree.trees.trees.t.armature.numpy()[self.dof_rows], wp.float64), low=up(low, wp.float64),
             high=up(high, wp.float64), coordinate=up(coordinate, int))
         self.parent, self.first, self.low, self.high = parent, first, low, high

@@ -47,7 +47,7 @@ def finite_rows(path: str, name: str, values, width: int) -> np.ndarray:
     if found.shape[-1:] != (width,) or found.ndim not in (1, 2) or not np.isfinite(found).all():
         raise SceneError(Problem(path, f"{name} has the shape {found.shape}, or is not finite; allowed are finite numbers "
                                  f"({width},) or (n, {width})"))
-    return found.reshape(-1, width)
+    return found if found.ndim == 2 else found[None]
 
 
 @dataclass(eq=False)

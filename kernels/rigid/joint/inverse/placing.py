@@ -48,9 +48,11 @@ def place_arm(t: ArmTable, W: ArmWork, q: wp.array2d(dtype=wp.float64), arm: int
             Q = Q * arm_ball_quaternion(q, c + t.slides[link], arm)
         for k in range(turns, t.first_dof[link + 1]):
             W.S[k, arm] = rotate_vector(Q, t.axis[k])
+            at += rotate_vector(Q, t.point[k])
             W.pivot[k, arm] = at
             if t.ball[link] == 0:
                 Q = Q * turn_about_unit_axis(t.axis[k], q[c + k - d, arm])
+                at -= rotate_vector(Q, t.point[k])
         Q = unit_quaternion(Q * conjugate_rotation(t.turn_b[link]))
         W.Q[link, arm] = Q
         W.X[link, arm] = at - rotate_vector(Q, t.at_b[link])

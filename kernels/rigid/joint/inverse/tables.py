@@ -25,6 +25,7 @@ class ArmTable:
     first_dof: wp.array(dtype=int)               # of links, and one more
     first_coordinate: wp.array(dtype=int)        # of links, and one more
     axis: wp.array(dtype=wp.vec3d)               # of dofs
+    point: wp.array(dtype=wp.vec3d)              # of dofs: where a hinge turns, from the origin of frame b in its axes [m]
     turns: wp.array(dtype=int)                   # of dofs: 1: it turns, 0: it slides
     armature: wp.array(dtype=wp.float64)         # of dofs [kg], [kg m^2]
     moves: wp.array(dtype=int)                   # of dofs: 0: it stays

@@ -1,6 +1,7 @@
 """Forward kinematics of trees: places of links, motion subspaces of joints, velocities, and the coordinates after a step.
 
     frame b = frame a . slides . hinges or ball          S of a slide e: (0, e), of a turn about e through p: (e, e x (O - p))
+    a hinge about e through c, in frame b before it: x -> c + R(e, q) (x - c)
     V_l = V_parent + S qd;    of a root whose base moves with v at p and spins with w: V_parent = (w, v + w x (O - p))
 """
 
@@ -29,7 +30,8 @@ def coordinate_quaternion(c: int, q: wp.array(dtype=wp.float64)):
 @standalone_function
 @wp.func
 def place_in_parent(link: int, T: Trees):
-    """Sets X, Q of link l and S of its joint in the axes of its parent: of slides the linear part, of turns the angular one."""
+    """Sets X, Q of link l and S of its joint in the frame of its parent: of slides the linear part, of turns the angular one,
+    and where they turn in the place of the linear one."""
     t = T.t
     at = t.at_a[link]
     Q = t.turn_a[link]
@@ -45,8 +47,11 @@ def place_in_parent(link: int, T: Trees):
         Q = Q * coordinate_quaternion(c + t.slides[link], T.q)
     for k in range(turns, last):
         T.S_w[k] = rotate_vector(Q, t.axis[k])
+        at += rotate_vector(Q, t.point[k])
+        T.S_v[k] = at
         if t.ball[link] == 0:
             Q = Q * turn_about_unit_axis(t.axis[k], T.q[c + k - d])
+            at -= rotate_vector(Q, t.point[k])
     Q = unit_quaternion(Q * wp.quat_inverse(t.turn_b[link]))
     T.Q[link] = Q
     T.X[link] = at - rotate_vector(Q, t.at_b[link])
@@ -59,18 +64,19 @@ def turn_joint_motion(link: int, root: int, T: Trees):
     t = T.t
     p = t.parent[link]
     Q = wp.quatd(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    origin = T.X[root]
     if p >= 0:
         Q = T.Q[p]
+        origin -= T.X[p]
     d = t.first_dof[link]
     turns = d + t.slides[link]
-    arm = T.X[root] - T.X[link] - rotate_vector(T.Q[link], t.at_b[link])
     for k in range(d, turns):
         T.S_w[k] = wp.vec3d()
         T.S_v[k] = rotate_vector(Q, T.S_v[k])
     for k in range(turns, t.first_dof[link + 1]):
         w = rotate_vector(Q, T.S_w[k])
         T.S_w[k] = w
-        T.S_v[k] = wp.cross(w, arm)
+        T.S_v[k] = wp.cross(w, origin - rotate_vector(Q, T.S_v[k]))
 
 
 @standalone_function

@@ -4,7 +4,7 @@ A tree is made of links, which are rigid bodies. Each link has one joint, to its
 Links are
 numbered so that parents come first. The degrees of freedom of a joint stand in this order: slides along axes of frame a, then
 either
-hinges, each about an axis that the ones before have turned, or a ball.
+hinges, each about an axis and a point that the ones before have turned, or a ball.
 
     q     coordinates: lengths of slides [m], angles of hinges [rad], the quaternion (x, y, z, w) of a ball
     qd    generalised velocities: [m/s], [rad/s]; of a ball its angular velocity along the axes of frame b
@@ -82,6 +82,7 @@ def tree_structs():
         first_dof: wp.array(dtype=int)               # of links, and one more
         first_coordinate: wp.array(dtype=int)        # of links, and one more
         axis: wp.array(dtype=wp.vec3d)               # of dofs, unit: of slides in frame a, of hinges in what they turn
+        point: wp.array(dtype=wp.vec3d)              # of dofs: where a hinge turns, from the origin of frame b in its axes [m]
         dof_parent: wp.array(dtype=int)              # the dof before it on the way to the root, or -1
         first_entry: wp.array(dtype=int)             # of dofs, and one more: row of H, the dof itself, then the way to the root
         joint: wp.array(dtype=int)                   # of links: number in JointTable, or -1: a free body

@@ -81,6 +81,8 @@ class Joint(ArrayDataclass):
     armature   {name of a coordinate: inertia of a rotor that turns with it [kg], [kg m^2]}; a number: of all free ones
     friction   {name of a coordinate: dry friction [N], [N m]}; a number: of all free ones
     mimics     {name of a coordinate: `Mimic`}
+    hinges     {name of a turn: point (3,) [m] from at1 along the axes of frame 1}: its turns are hinges about these points, one
+               behind the other, rotZ first and rotX last. Empty: they turn about one point, and three are a ball
     collides   whether its two bodies touch each other
     enabled    whether it acts
     force      [N] over which it breaks
@@ -102,6 +104,7 @@ class Joint(ArrayDataclass):
     armature: dict[str, float] = field(default_factory=dict)
     friction: dict[str, float] = field(default_factory=dict)
     mimics: dict[str, Mimic] = field(default_factory=dict)
+    hinges: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     collides: bool = False
     enabled: bool = True
     force: float = inf

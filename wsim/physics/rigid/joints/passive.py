@@ -1,4 +1,5 @@
-"""Armature, dry friction and mimics of joints in USD: NewtonJointAPI, NewtonMimicAPI, MjcJointAPI, PhysxMimicJointAPI.
+"""Armature, dry friction, mimics and hinges behind each other of joints in USD: NewtonJointAPI, NewtonMimicAPI, MjcJointAPI,
+PhysxMimicJointAPI, WsimJointAPI.
 
 Armature (a mass, or mass length^2) and friction (a force or torque) count for all free coordinates of a joint.
 A mimic is g = c_0 + c_1 g_leader, in degrees or lengths (Newton); MuJoCo adds powers up to 4, in radians. PhysX says
@@ -7,10 +8,13 @@ g + gearing g_leader + offset = 0.
 
 from math import pi
 
+import numpy as np
 from pxr import Sdf, Usd
 
 from wsim.physics.rigid.joints.joint import SHIFTS, TURNS, Joint, Mimic
 from wsim.scene import Problem, SceneError
+from wsim.usd import names
+from wsim.usd.attributes import author_attribute, read_attribute
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 
 DEGREE = pi / 180.0
@@ -21,7 +25,7 @@ UNITS = {"armature": ("kg", "kg m^2"), "friction": ("N", "N m")}           # of 
 
 
 def read_passive_terms(reading: StageReading, prim: Usd.Prim, limits: dict) -> dict:
-    """Fields armature, friction and mimics of the `Joint` of a prim with these limits."""
+    """Fields armature, friction, mimics and hinges of the `Joint` of a prim with these limits."""
     free, found = Joint("", limits=limits).free(), {}
     for field, keys in KEYS.items():
         value = next((v for key in keys if (v := _authored_number(reading, prim, key)) is not None), 0.0)
@@ -29,7 +33,18 @@ def read_passive_terms(reading: StageReading, prim: Usd.Prim, limits: dict) -> d
     if len(free) > 1 and _authored_number(reading, prim, "newton:damping"):
         reading.warn(prim.GetPath(), f"newton:damping is ignored: it has {len(free)} free coordinates; author PhysicsDriveAPI "
                      "of each with a damping")
-    return found | {"mimics": _read_mimics(reading, prim, free)}
+    return found | {"mimics": _read_mimics(reading, prim, free), "hinges": _read_hinges(reading, prim, free)}
+
+
+def _read_hinges(reading: StageReading, prim: Usd.Prim, free: list[str]) -> dict[str, tuple[float, ...]]:
+    points = read_attribute(prim, "Joint", "hinges", reading.units)
+    if points is None:
+        return {}
+    if len(points) != len(TURNS) or not np.isfinite(points).all():
+        reading.fail(prim.GetPath(), f"wsim:hinges has {len(points)} points; allowed: three of finite numbers, of rotX, rotY "
+                     "and rotZ; fix: author three, or take it away")
+        return {}
+    return {name: tuple(point) for name, point in zip(TURNS, points.tolist(), strict=True) if name in free}
 
 
 def _authored_number(reading: StageReading, prim: Usd.Prim, key: str) -> float | None:
@@ -73,7 +88,10 @@ def _si_coefficients(units: StageUnits, name: str, linear: list[float], powers: 
 
 
 def author_passive_terms(prim: Usd.Prim, joint: Joint, units: StageUnits) -> None:
-    """Writes armature, friction and mimics of a joint. Raises SceneError where a prim cannot say them."""
+    """Writes armature, friction, mimics and hinges of a joint. Raises SceneError where a prim cannot say them."""
+    if joint.hinges:
+        prim.AddAppliedSchema(names.WSIM_JOINT)
+        author_attribute(prim, "Joint", "hinges", np.array([joint.hinges.get(name, (0.0, 0.0, 0.0)) for name in TURNS]), units)
     for field, keys in KEYS.items():
         values = getattr(joint, field)
         if not any(values.values()):

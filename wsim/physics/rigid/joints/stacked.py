@@ -2,9 +2,9 @@
 
 In an articulation with `newton:jointsAddMobility`, revolute and prismatic joints between the same two bodies act one behind the
 other, the first outermost, as MuJoCo has them: R = R(a_1) R(a_2) ... R(a_n). One `Joint` has the same freedom: rotX (twist)
-is the innermost turn, rotY and rotZ (swing) are the outer turns. Two turns are exact. With three, limits and springs agree only
-for small angles; so does a slide that a turn carries along. Without the attribute each joint is a constraint of its own, as in
-USD.
+is the innermost turn, rotY and rotZ (swing) are the outer turns, and `Joint.hinges` says where each of them turns. That is
+exact in reduced coordinates. In maximal ones, two turns about one point are exact; with three, limits and springs agree only
+for small angles. So does a slide that a turn carries along. Without the attribute each joint is a constraint of its own.
 """
 
 from collections import defaultdict
@@ -62,7 +62,8 @@ def merge_joints(reading: StageReading, joints: list[Joint]) -> Joint | None:
         axis = rotation.quat_rotate(joint.turn1, np.array([1.0, 0.0, 0.0]))
         if all(abs(axis @ other) < 1.0 - ACROSS for other in axes):
             axes.append(axis)
-    if len(axes) > 3 or any(abs(a @ b) > ACROSS for k, a in enumerate(axes) for b in axes[:k]):
+    apart = all(_axes_differ(group) for group in (turns, shifts))
+    if len(axes) > 3 or not apart or any(abs(a @ b) > ACROSS for k, a in enumerate(axes) for b in axes[:k]):
         reading.fail(joints[0].path, f"{len(joints)} joints between the same bodies add mobility along axes that are not "
                      "orthogonal; allowed: orthogonal axes; fix: put a body between each two of these joints")
         return None
@@ -80,13 +81,19 @@ def merge_joints(reading: StageReading, joints: list[Joint]) -> Joint | None:
         R[:, 2] *= -1.0
     first = (turns or shifts)[0]
     found = replace(first, path=joints[0].path, limits=dict.fromkeys(AXES, LOCKED), drives={}, armature={},
-                    friction={}, mimics={})
+                    friction={}, mimics={}, hinges={})
     between = rotation.quat_product(first.turn0, rotation.quat_conjugate(first.turn1))  # body 1 in body 0, where it stands
     found.turn1 = rotation.matrix_quat(R)
     found.turn0 = rotation.quat_product(between, found.turn1)
     for joint in joints:
-        _add_joint_freedom(found, joint, R)
+        _add_joint_freedom(found, joint, R, several=len(turns) > 1)
     return found
+
+
+def _axes_differ(joints: list[Joint]) -> bool:
+    """Whether no two of these joints have the same axis."""
+    axes = [rotation.quat_rotate(joint.turn1, np.array([1.0, 0.0, 0.0])) for joint in joints]
+    return all(abs(a @ b) < 1.0 - ACROSS for k, a in enumerate(axes) for b in axes[:k])
 
 
 def _complete_axes(axes: list[np.ndarray]) -> list[np.ndarray]:
@@ -97,13 +104,15 @@ def _complete_axes(axes: list[np.ndarray]) -> list[np.ndarray]:
     return [other, np.cross(axes[0], other)]
 
 
-def _add_joint_freedom(found: Joint, joint: Joint, R: np.ndarray) -> None:
-    """Gives a merged joint the freedom of one of its parts."""
+def _add_joint_freedom(found: Joint, joint: Joint, R: np.ndarray, several: bool) -> None:
+    """Gives a merged joint the freedom of one of its parts. several: it has more than one turn."""
     own = next(name for name in AXES if not joint.locked(name))
     along = rotation.quat_rotate(joint.turn1, np.array([1.0, 0.0, 0.0])) @ R
     k = int(np.argmax(np.abs(along)))
     name, sign = AXES[k + 3 * (own == "rotX")], float(np.sign(along[k]))
     del found.limits[name]
+    if several and own == "rotX":
+        found.hinges[name] = tuple(((joint.at1 - found.at1) @ R).tolist())
     if own in joint.limits:
         low, high = joint.limits[own]
         found.limits[name] = (low, high) if sign > 0.0 else (-high, -low)

@@ -36,9 +36,12 @@ class AuthoredMass(NamedTuple):
 
 def mass_properties(reading: StageReading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
     """mass [kg], center (3,) [m], inertia (3,) [kg m^2] and axes (x, y, z, w) of a `Body`; unknown values are left out."""
-    if not _authored_mass_is_valid(reading, [prim, *(reading.stage.GetPrimAtPath(c.path) for c in colliders)]):
+    if not _authored_mass_is_valid(reading, [prim]):
         return {}
     own = _read_authored_mass(reading, prim)
+    parts_count = own.mass is None or own.inertia is None                # else nothing follows from colliders
+    if parts_count and not _authored_mass_is_valid(reading, [reading.stage.GetPrimAtPath(c.path) for c in colliders]):
+        return {}
     parts = [_collider_mass_part(reading, prim, c, own.density) for c in colliders]
     parts = [part for part in parts if part.volume > 0.0]
     if own.inertia is None and not parts:

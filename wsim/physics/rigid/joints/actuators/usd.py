@@ -64,8 +64,8 @@ def _joint_of_target(reading: StageReading, prim: Usd.Prim, name: str) -> Usd.Pr
     if not found:
         reading.fail(prim.GetPath(), f"{name} names {targets[0]}, which is no prim; allowed: a joint; fix: name a joint")
     elif not found.IsA(UsdPhysics.Joint):
-        reading.warn(prim.GetPath(), f"{name} names {targets[0]}, a {found.GetTypeName() or 'prim without a type'}, and is "
-                     "left out: actuators act on joints here, not on tendons, sites or bodies")
+        reading.warn(prim.GetPath(), f"{name} names a {found.GetTypeName() or 'prim without a type'}, and is left out: "
+                     "actuators act on joints here, not on tendons, sites or bodies")
     else:
         return found
     return None

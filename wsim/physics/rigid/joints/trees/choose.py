@@ -45,8 +45,18 @@ def make_joints(b, method) -> Any:
     joints.ignored = ignored_terms(joints.given, why)
     if joints.ignored and wanted == "maximal":
         raise SceneError(Problem("/", f"coordinates is maximal, and {joints.ignored}"))
-    joints.ignored = joints.ignored or ignored_tolerance(b.scene, why)
+    joints.ignored = joints.ignored or bent_hinges(joints.given, why) or ignored_tolerance(b.scene, why)
     return joints
+
+
+def bent_hinges(joints: list, why: str) -> str:
+    """What is said of hinges behind each other that maximal coordinates take as one joint, "" where those are exact."""
+    found = [joint.path for joint in joints if len(joint.hinges) == 3 or any(map(any, joint.hinges.values()))]
+    if not found:
+        return ""
+    others = f" and {len(found) - 1} other joints" * (len(found) > 1)
+    return (f"hinges one behind the other, of {found[0]}{others}, are taken as turns about one point: right for small "
+            f"angles alone; this scene takes maximal coordinates: {why}; fix: change that")
 
 
 def ignored_tolerance(scene, why: str) -> str:

@@ -12,15 +12,17 @@ from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
 from wsim.physics.rigid.joints.trees.bases import unsupported_base
 from wsim.physics.rigid.joints.trees.loops import LoopRows, closing_joint, mimic_rows, spanning_joints
 
-ORDER = ("rotY", "rotZ", "rotX")                    # hinges, outermost first: swing, then twist
+ORDER = ("rotY", "rotZ", "rotX")                    # turns, outermost first: swing, then twist
+STACK = ("rotZ", "rotY", "rotX")                    # of joints whose turns are hinges behind each other
 FITS = (1e-4, 1e-3)                                 # [m], [rad] by which bodies may stand off from what their joints allow
 
 
 def joint_freedom(joint: Joint) -> tuple[list[str], list[str], bool]:
     """(slides, hinges, ball) of a joint whose twist is about its only axis that turns."""
     slides = [name for name in SHIFTS if not joint.locked(name)]
-    turns = [name for name in ORDER if not joint.locked(name)]
-    return slides, [] if len(turns) == 3 else turns, len(turns) == 3
+    turns = [name for name in (STACK if joint.hinges else ORDER) if not joint.locked(name)]
+    ball = len(turns) == 3 and not joint.hinges
+    return slides, [] if ball else turns, ball
 
 
 def unsupported_joint(joint: Joint) -> str:
@@ -60,6 +62,7 @@ class TreeLinks:
     first_dof: list[int] = field(default_factory=lambda: [0])
     first_coordinate: list[int] = field(default_factory=lambda: [0])
     axis: list[np.ndarray] = field(default_factory=list)
+    point: list[np.ndarray] = field(default_factory=list)
     row: list[int] = field(default_factory=list)
     dof_parent: list[int] = field(default_factory=list)
     first_entry: list[int] = field(default_factory=lambda: [0])
@@ -89,6 +92,7 @@ class TreeLinks:
         for k, name in enumerate(names):
             axis = np.eye(3)[AXES.index(name) % 3]
             self.axis.append(-axis if swapped and not ball else axis)
+            self.point.append(np.array(given.hinges.get(name, (0.0, 0.0, 0.0)) if given else (0.0, 0.0, 0.0)))
             self.row.append(AXES.index(name))
             before = last if k == 0 else len(self.dof_parent) - 1
             self.dof_parent.append(before)

@@ -93,7 +93,8 @@ class DeviceTrees(DeviceJoints):
                            for name, rows in frames.items()},
                         mass=up(np.tile([m.mass for m in masses], worlds), wp.float64),
                         moments=up(np.tile([m.moments for m in masses], (worlds, 1)), wp.vec3d),
-                        axis=up(np.tile(np.reshape(links.axis, (-1, 3)), (worlds, 1)), wp.vec3d),
+                        **{name: up(np.tile(np.reshape(getattr(links, name), (-1, 3)), (worlds, 1)), wp.vec3d)
+                           for name in ("axis", "point")},
                         **{name: up(np.tile(self._dof_values(name), worlds), wp.float64) for name in PASSIVE})
         bases, parts = base_tables(self)
         self.tree_parts += parts
