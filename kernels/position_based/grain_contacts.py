@@ -16,6 +16,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.grains import grain_structs
 from wsim.kernels.position_based.neighbours import neighbour_structs
+from wsim.kernels.position_based.stacks import MORE, SETTLED, support_func
 
 SLOP = 1e-3            # of R_i + R_j: overlap that is left alone, so that contacts last
 NEAR = 0.05            # of R_i + R_j: gap up to which a pair may touch in the iterations of a substep
@@ -77,6 +78,7 @@ def gather_kernel(real, module):
 def overlap_kernel(real, module):
     """Kernel over places: `back`, and the greatest overlap [1e-6 of R_i + R_j] into `worst`."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
+    support = support_func(real)
 
     def measure_overlaps(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, g: S.GrainTable, most: real,
                          worst: wp.array(dtype=int)):
@@ -84,6 +86,7 @@ def overlap_kernel(real, module):
         p = c.order[k]
         w = g.w[rows.point[p]]
         y = g.y[k]
+        up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
         back = t.vec3()
         number = real(0.0)
         deepest = real(0.0)
@@ -97,9 +100,13 @@ def overlap_kernel(real, module):
                 over = R - D
                 deepest = wp.max(deepest, over / R)
                 over -= real(SLOP) * R
+                held = support(wp.dot(up, n), g.held[k][0], g.held[other][0])
                 both = w + g.w[rows.point[o]]
-                if over > real(0.0) and both > real(0.0):
-                    back += (over * w / both) * n
+                if over > real(0.0) and both > real(0.0) and held >= 0:
+                    share = w / both
+                    if held == 1:
+                        share = real(1.0)
+                    back += (over * share) * n
                     number += real(1.0)
         if number > real(0.0):
             back *= real(RELAXED) / (real(1.0) + number)
@@ -163,46 +170,70 @@ def contact_kernel(real, module):
 
 
 @cache
+def cone_func(real):
+    """Function (L, n, mu) -> the nearest impulse that friction allows; 0 where L draws."""
+    t = types(real)
+
+    @wp.func
+    def cut_to_cone(L: t.vec3, n: t.vec3, mu: t.vec2):
+        lam = wp.dot(L, n)
+        if lam <= real(0.0):
+            return t.vec3()
+        T = L - lam * n
+        size = wp.length(T)
+        if size > mu[0] * lam:
+            return lam * n + (mu[1] * lam / size) * T
+        return L
+
+    return cut_to_cone
+
+
+@cache
 def warm_kernel(real, module):
     """Kernel over places: normals, gaps, and the impulses that the forces of the substep before give in this one; h [s]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
+    support, cut = support_func(real), cone_func(real)
 
     def start_grain_contacts(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
-                             h: real, d_out: wp.array(dtype=t.vec3)):
+                             support_before: S.GrainSupport, h: real, d_out: wp.array(dtype=t.vec3)):
         k = wp.tid()
         p = c.order[k]
-        y = g.y[k]
+        i = rows.point[p]
+        up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
         given = t.vec3()
         pressed = real(1.0)
+        carried = bool(False)
         old = int(0)
         for s in range(q.count[k]):
             slot = s * q.size + k
             o = q.id[slot]
-            n, D = normal(y - g.y[q.other[slot]], p, o)
+            other = q.other[slot]
+            n, D = normal(g.y[k] - g.y[other], p, o)
+            held = support(wp.dot(up, n), g.held[k][0], g.held[other][0])
             L = t.vec3()
             while old < q.room and before.id[old * q.size + p] >= 0 and before.id[old * q.size + p] < o:
                 old += 1
             if old < q.room and before.id[old * q.size + p] == o:
                 L = (h * h) * before.f[old * q.size + p]
-                lam = wp.dot(L, n)
-                if lam > real(0.0):
-                    mu = real(0.5) * (g.rub[k] + g.rub[q.other[slot]])
-                    T = L - lam * n
-                    size = wp.length(T)
-                    if size > mu[0] * lam:
-                        L = lam * n + (mu[1] * lam / size) * T
-                else:
-                    L = t.vec3()
+                if held == 1:
+                    L *= real(1.0) / wp.max(g.held[k][1], real(1.0 / MORE))
+                L = cut(L, n, real(0.5) * (g.rub[k] + g.rub[other]))
             q.n[slot] = n
             R = rows.reach[p] + rows.reach[o]
             gap = D - R
-            deep = gap + real(DEEP) * R
-            q.b[slot] = wp.max(gap, real(0.0)) + wp.max(real(PARTED) * wp.min(deep, real(0.0)), -real(QUICK) * R)
+            b = wp.max(gap, real(0.0))
+            if held == 0:
+                b += wp.max(real(PARTED) * wp.min(gap + real(DEEP) * R, real(0.0)), -real(QUICK) * R)
+            q.b[slot] = b
             q.L[slot] = L
-            given += L
-            if wp.length_sq(L) > real(0.0) or q.b[slot] + wp.dot(n, g.u[k] - g.u[q.other[slot]]) < real(0.0):
+            q.support[slot] = held
+            carried = carried or held == 1
+            if held >= 0:
+                given += L
+            if wp.length_sq(L) > real(0.0) or b + wp.dot(n, g.u[k] - g.u[other]) < real(0.0):
                 pressed += real(1.0)
-        i = rows.point[p]
+        if not carried and g.held[k][3] == real(SETTLED):
+            given += (h * h) * support_before.load[p]
         d_out[i] = d_out[i] + g.w[i] * given
         g.split[k] = pressed * g.w[i]
 
@@ -220,6 +251,13 @@ def force_kernel(real, module):
         m = int(0)
         for s in range(q.count[k]):
             L = q.L[s * q.size + k]
+            if q.support[s * q.size + k] == -1:              # what it holds has answered alone, and knows
+                other = q.other[s * q.size + k]
+                L = t.vec3()
+                for e in range(q.count[other]):
+                    if q.other[e * q.size + other] == k:
+                        L = -q.L[e * q.size + other]
+                q.L[s * q.size + k] = L
             if wp.length_sq(L) > real(0.0):
                 after.id[m * q.size + p] = q.id[s * q.size + k]
                 after.f[m * q.size + p] = L / (h * h)

@@ -16,6 +16,8 @@ where those differ. Sums have the order of the grains' numbers. A fixed point is
 in the overlap and in the speed at rest. What contacts have borne as forces [N] is where the next substep begins: piles
 converge over substeps, not within one, and friction remembers what it holds.
 
+Grains that stand on others answer such contacts alone, so that deep piles need few iterations: stacks.py.
+
 Grains do not turn: rolling resistance is whole, as that of coarse sand nearly is.
 """
 
@@ -26,6 +28,8 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.neighbours import neighbour_structs
+
+PUSHED = 0.5           # of a push by a grain that holds another, that the other takes: see stacks.py
 
 
 @cache
@@ -40,6 +44,9 @@ def grain_structs(real) -> SimpleNamespace:
         y: wp.array(dtype=t.vec3)          # where the substep begins, by k [m]
         u: wp.array(dtype=t.vec3)          # by k [m]
         split: wp.array(dtype=t.scalar)    # m w, by k [1/kg]
+        up: wp.array(dtype=t.vec4)         # against gravity, and its size [m/s^2], by k: see stacks.py
+        held: wp.array(dtype=t.vec4)       # felt, part, load over weight, ground, by k; felt < 0: no grain
+        rise: wp.array(dtype=t.scalar)     # up.u before contacts, by k [m]
         rub: wp.array(dtype=t.vec2)        # friction by k
         back: wp.array(dtype=t.vec3)       # correction of overlaps, by k [m]
 
@@ -50,6 +57,7 @@ def grain_structs(real) -> SimpleNamespace:
         count: wp.array(dtype=int)         # by k
         other: wp.array(dtype=int)         # k of the other grain
         id: wp.array(dtype=int)            # p of it
+        support: wp.array(dtype=int)       # 1: the other holds this one, -1: this one holds the other, else 0
         n: wp.array(dtype=t.vec3)
         b: wp.array(dtype=t.scalar)        # [m]
         L: wp.array(dtype=t.vec3)          # [kg m]
@@ -60,7 +68,15 @@ def grain_structs(real) -> SimpleNamespace:
         id: wp.array(dtype=int)            # p of the other grain, ascending; -1: no more. Entry s of grain p at s * size + p
         f: wp.array(dtype=t.vec3)          # force on p [N]
 
-    return SimpleNamespace(GrainTable=GrainTable, GrainContacts=GrainContacts, GrainForces=GrainForces)
+    @wp.struct
+    class GrainSupport:
+        felt: wp.array(dtype=t.scalar)     # upward acceleration by contacts over gravity, by p [1]
+        part: wp.array(dtype=t.scalar)     # of the weight, that grains carry, by p [1]
+        load: wp.array(dtype=t.vec3)       # of the grains above, by p [N]
+        ground: wp.array(dtype=t.scalar)   # substeps on something else than grains, SETTLED at most, by p
+
+    return SimpleNamespace(GrainTable=GrainTable, GrainContacts=GrainContacts, GrainForces=GrainForces,
+                           GrainSupport=GrainSupport)
 
 
 @cache
@@ -113,16 +129,24 @@ def grain_solve_kernel(real, module):
         own = g.split[k]
         rub = g.rub[k]
         given = t.vec3()
+        i = rows.point[c.order[k]]
+        w = g.w[i]
         for s in range(m):
             slot = s * q.size + k
             other = q.other[slot]
+            held = q.support[slot]
             K = own + g.split[other]
-            if K > real(0.0):
+            away = u - g.u[other]
+            if held == 1:
+                K = w
+                n = q.n[slot]
+                push = wp.max(wp.dot(n, g.u[other]), real(0.0))
+                away += w * given + (real(1.0 - PUSHED) * push) * n
+            if K > real(0.0) and held >= 0:
                 L = q.L[slot]
-                new = solve(q.n[slot], q.b[slot], L, u - g.u[other], K, real(0.5) * (rub + g.rub[other]))
+                new = solve(q.n[slot], q.b[slot], L, away, K, real(0.5) * (rub + g.rub[other]))
                 q.L[slot] = new
                 given += new - L
-        i = rows.point[c.order[k]]
-        d_out[i] = d_out[i] + g.w[i] * given
+        d_out[i] = d_out[i] + w * given
 
     return wp.kernel(solve_grain_contacts, name=f"grains_solve_{t.name}", module=module, enable_backward=False)

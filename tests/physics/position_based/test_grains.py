@@ -32,18 +32,38 @@ def grain_method(simulation):
     return next(m for m in simulation.plan.methods if m.name == "grains")
 
 
-def test_contacts_of_a_column_bear_the_weight_above_them():
+def test_grains_of_a_column_bear_the_weight_above_them_and_the_floor_all_of_it():
     r = 0.004
     simulation = grains_on_floor([[0, r + 2 * r * i, 0] for i in range(5)], r)
     simulation.run(60)
-    part, weight = grain_method(simulation).part, 2600 * 4 / 3 * np.pi * r**3 * G
-    force = {}
-    for number, f in zip(part.arrays["id"].numpy()[:5], part.arrays["f"].numpy()[:5], strict=True):
-        force[int(number)] = f
-    found = np.sort(np.linalg.norm(part.arrays["f"].numpy(), axis=1))
-    found = found[found > 0.0]
-    assert np.allclose(found, np.repeat(weight * np.arange(1, 5), 2), rtol=1e-4)
+    method, weight = grain_method(simulation), 2600 * 4 / 3 * np.pi * r**3 * G
+    load = method.support.load.numpy()[method.support_part.rows["/grains", 0]]
+    assert np.allclose(load[:, 1], -weight * np.arange(4, -1, -1), rtol=1e-4, atol=1e-4 * weight)
+    assert np.abs(load[:, [0, 2]]).max() < 1e-4 * weight
+    contacts, h = simulation.plan.method("contact").contacts, 1 / 480
+    assert np.isclose(contacts.impulses(h)["/floor"][1], -5 * weight * h, rtol=1e-4)
     assert np.abs(simulation.velocities()).max() < 1e-5
+
+
+@pytest.mark.parametrize(("substeps", "iterations"), [(8, 2), (4, 4)])
+def test_thirty_layers_rest_without_overlaps_by_few_iterations(substeps, iterations):
+    """A narrow column between walls of no friction; before grains held each other, it lost half of its height."""
+    r, n = 0.004, 30
+    k = np.stack(np.meshgrid(np.arange(4), np.arange(n), np.arange(4), indexing="ij"), -1).reshape(-1, 3)
+    points = (2 * k + [-3, 1, -3]) * 1.1 * r + 0.1 * r * np.random.default_rng(0).uniform(-1, 1, k.shape)
+    scene = Scene(fps=60, substeps=substeps, iterations=iterations)
+    scene.collider("/floor", wsim.Plane())
+    for i, normal in enumerate(([1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1])):
+        M, x = np.eye(4), np.cross([0, 1, 0], normal)
+        M[:3, :3], M[:3, 3] = np.stack([x, np.cross(normal, x), normal], axis=1), -4.4 * r * np.array(normal)
+        scene.collider(f"/wall_{i}", wsim.Plane(), motion=wsim.Motion.still(M), static_friction=0.0, dynamic_friction=0.0)
+    scene.particles("/grains", points=points, radius=r)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(60)
+    x, v = simulation.positions(), np.linalg.norm(simulation.velocities(), axis=1)
+    near = np.linalg.norm(x[:, None] - x[None], axis=-1) + np.eye(len(x))
+    assert near.min() > 2 * r * (1 - 0.06) and np.quantile(near.min(axis=1), 0.1) > 2 * r * (1 - 0.01)
+    assert x[:, 1].max() > 0.85 * 2 * r * n and np.sqrt((v**2).mean()) < 0.02
 
 
 @pytest.mark.parametrize("ratio", [1.0, 10.0])                      # of radii: masses differ by its cube

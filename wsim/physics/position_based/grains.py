@@ -10,6 +10,7 @@ import numpy as np
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import grain_contacts as pairs
 from wsim.kernels.position_based import grains as kernels
+from wsim.kernels.position_based import stacks
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
@@ -26,8 +27,12 @@ NEIGHBOURS, TOUCHED = 20, 13     # entries of a list, and contacts of a grain, t
 NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD = ("grains: neighbours wanted", "grains: contacts wanted", "grains: fast",
                                                "grains: overlap")
 DEEP = 0.05                      # of the distance of two centres: overlap that is warned of
-FIELDS = (StateField("f", "N", True, "force of a contact on the grain"),
+FIELDS = (StateField("f", "N", True, "force of a contact on the grain, without what lies on the other"),
           StateField("id", "1", True, "number of the other grain, ascending; -1: no more", "int"))
+SUPPORT = (StateField("felt", "1", True, "upward acceleration by contacts over gravity", "scalar"),
+           StateField("part", "1", True, "of its weight that grains carry", "scalar"),
+           StateField("load", "N", True, "of the grains that it carries"),
+           StateField("ground", "1", True, "substeps that it has rested on something else than grains", "scalar"))
 
 
 def build(b: Build) -> GrainContacts:
@@ -57,37 +62,40 @@ class GrainContacts(Method):
         friction = np.concatenate([np.tile(body.friction, (body.count, 1)) for body in self.bodies])
         self.table = fill_struct(S.GrainTable, friction=b.model.upload(friction.astype(b.model.dtype), t.vec2),
                                  w=self.points.constants.w, y=zeros(n, t.vec3), u=zeros(n, t.vec3), split=zeros(n),
-                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3))
+                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3), up=zeros(n, t.vec4), held=zeros(n, t.vec4),
+                                 rise=zeros(n))
         self.structs: Any = S
         self.touched: Any = None
         self.part = StatePart("grains", 0, 0)
         self._make_contacts(TOUCHED)
         b.state.add(self.part)
+        self.support_part = StatePart.allocate("grain support", SUPPORT, n, real, b.model.device)
+        self.support_part.rows = _rows_of_bodies(self.bodies)
+        self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)
+        b.state.add(self.support_part)
         makers = {"gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
                   "contact": pairs.contact_kernel, "warm": pairs.warm_kernel, "motion": kernels.motion_kernel,
-                  "solve": kernels.grain_solve_kernel, "force": pairs.force_kernel}
+                  "solve": kernels.grain_solve_kernel, "force": pairs.force_kernel,
+                  "stacks": stacks.stack_gather_kernel, "support": stacks.support_kernel}
         self.kernels = {name: make(real, launches.module) for name, make in makers.items()}
         for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
             b.status.reserve(word)
         size = n * np.dtype(b.model.dtype).itemsize
-        self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 5, 40 * size,
+        self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 6, 50 * size,
                               what=f"{n} grains"),
                         Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
-                        Stage("grain forces", "finish", self.keep, 1, 60 * size, what="for the next substep")]
+                        Stage("grain forces", "finish", self.keep, 2, 100 * size, what="for the next substep")]
 
     def _make_contacts(self, room: int) -> None:
         """Room for so many contacts of each grain, and for their forces; what was borne is forgotten."""
         launches, t, S, n = self.launches, types(self.model.real), self.structs, self.count
         zeros, wanted = launches.zeros, self.touched.wanted if self.touched else launches.zeros(1, int)
-        self.touched = fill_struct(S.GrainContacts, room=room, size=n, count=zeros(n, int), other=zeros(room * n, int),
-                                   id=zeros(room * n, int), n=zeros(room * n, t.vec3), b=zeros(room * n),
-                                   L=zeros(room * n, t.vec3), wanted=wanted)
+        whole = {name: zeros(room * n, int) for name in ("other", "id", "support")}
+        self.touched = fill_struct(S.GrainContacts, room=room, size=n, count=zeros(n, int), n=zeros(room * n, t.vec3),
+                                   b=zeros(room * n), L=zeros(room * n, t.vec3), wanted=wanted, **whole)
         made = StatePart.allocate("grains", FIELDS, room * n, self.model.real, self.model.device)
-        rows, first = {}, 0
-        for body in self.bodies:                       # author's order, slot behind slot
-            own = first + (body.index - body.first)
-            rows[body.path, body.world] = (own[:, None] + n * np.arange(room)).ravel()
-            first += body.count
+        rows = {key: (own[:, None] + n * np.arange(room)).ravel()                     # author's order, slot behind slot
+                for key, own in _rows_of_bodies(self.bodies).items()}
         made.arrays["id"].fill_(-1)
         for array, aside in made.copies():
             aside.assign(array)
@@ -112,10 +120,11 @@ class GrainContacts(Method):
         rows, cells, lists, table, touched = search.rows, search.cells, search.lists, self.table, self.touched
         search.update(s.x, s.d)
         self._run("gather", [rows, cells, table, s.x, s.d, self.points.anchor], [self.status.word(FAST_WORD)])
+        self._run("stacks", [rows, cells, table, self.points.constants, self.support], [])
         self._run("overlap", [rows, cells, lists, table, self.most], [self.status.word(DEEP_WORD)])
         self._run("apart", [rows, cells, table], [s.x])
         self._run("contact", [rows, cells, lists, table, touched], [])
-        self._run("warm", [rows, cells, table, touched, self.forces, clock.h], [s.d])
+        self._run("warm", [rows, cells, table, touched, self.forces, self.support, clock.h], [s.d])
 
     def solve(self, clock: Clock) -> None:
         """One iteration of all contacts."""
@@ -125,7 +134,9 @@ class GrainContacts(Method):
 
     def keep(self, clock: Clock) -> None:
         """Forces, for the next substep."""
-        self._run("force", [self.search.cells, self.touched, self.forces, clock.h], [])
+        search = self.search
+        self._run("force", [search.cells, self.touched, self.forces, clock.h], [])
+        self._run("support", [search.rows, search.cells, self.table, self.touched, self.support, self.state.v, clock.h], [])
 
     def _run(self, name: str, inputs: list, outputs: list) -> None:
         self.launches.launch(self.kernels[name], self.count, inputs, outputs)
@@ -163,3 +174,12 @@ class GrainContacts(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """grain_overlap: the greatest in the last frame, over the distance of the centres of what touches [1]; 0 up to 2e-3."""
         return {"grain_overlap": int(self.status.said(DEEP_WORD)[0]) / 1e6}
+
+
+def _rows_of_bodies(bodies: list) -> dict[tuple[str, int], np.ndarray]:
+    """Number of each particle of a body, in the author's order, by path and world."""
+    rows, first = {}, 0
+    for body in bodies:
+        rows[body.path, body.world] = first + (body.index - body.first)
+        first += body.count
+    return rows

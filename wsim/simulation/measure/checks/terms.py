@@ -13,7 +13,16 @@ from wsim.model import kernel_cache
 from wsim.model.stage import Methods
 from wsim.model.structs import fill_struct
 
-THREADS = {True: 128, False: 1}          # that sum a world: CUDA, CPU
+THREADS, MOST_THREADS, EACH = 128, 8192, 128   # that sum a world on CUDA, at least and at most; points of each: 14 ms of a
+#                                                million points by 128 threads, whose rows one warp then adds up
+
+
+def threads_of_world(points: int, cuda: bool) -> int:
+    """Threads that sum the balance of a world with so many points: a power of two, and 1 on a CPU."""
+    threads = THREADS if cuda else 1
+    while cuda and threads < MOST_THREADS and threads * EACH < points:
+        threads *= 2
+    return threads
 
 
 def field_aside(part, name: str) -> wp.array:
@@ -28,7 +37,7 @@ class EnergyTerms:
     def __init__(self, model, state, methods: Methods, solver: str, given: list[wp.array]):
         """given: work that is added up on the way."""
         self.model, self.state, self.solver, self.worlds = model, state, solver, model.worlds
-        self.threads = THREADS[model.device.is_cuda]
+        self.threads = threads_of_world(model.points // max(model.worlds, 1), model.device.is_cuda)
         self.each: list[Any] = []
         self.kernels: list = []
         self.sums: list[wp.array] = []

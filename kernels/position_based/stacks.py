@@ -1,0 +1,125 @@
+"""Grains that stand on others: which contacts carry, so that a hundred layers need no hundred iterations.
+
+    up  against gravity, unit vector      G  gravity [m/s^2]      W  load [N], what the grains above press upon a grain
+    n   unit normal from grain j to i     L  impulse times g [kg m] of a contact, see grains.py
+
+Iterations pass a load on by one layer each, and lose most of it on the way: with 16 of them a frame a hundred layers
+fall through each other. Macklin, Mueller, Chentanez, Kim 2014, section 5.1, make lower grains heavier, m* = m exp(-k height).
+This is their limit for large k, as in the shock propagation of Guendelman, Bridson, Fedkiw 2003, section 7:
+
+    j holds i    where j has felt at least HELD of gravity in the substep before, and n.up > STEEP
+    i alone answers such a contact, with its own mass, after the contacts that both answer, one contact behind the other
+
+so that what holds is as good as ground, and a grain comes to rest on it within an iteration. A column then rests in as many
+iterations as it has layers, whatever its height. Two rules keep motions from growing on their way up, where a wedge
+of two grains makes more of what they do: of a push by what holds, the part PUSHED counts; and where a substep begins,
+contacts that carry give together what weight needs, not what a blow needed in the substep before.
+
+Grains so carry their own weight alone. What lies on them is passed on as a load, a layer in a substep, in the parts in which
+their own weight rests on others; the lowest give it to what they stand on:
+
+    W_j = -sum_(i on j) L_ij / h^2 (1 - W_i.up / (m_i G)),      d_i += w_i h^2 W_i where i rests on no grain
+
+Where what carries a grain gives more than its weight, as in a blow, it counts as weight alone. Grains that fall, cloth and
+bodies, and scenes without gravity have contacts that both sides answer: momentum is kept there to rounding, and in stacks by
+the loads, a substep late for each layer.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import point_constants
+from wsim.kernels.position_based.grains import grain_structs
+from wsim.kernels.position_based.neighbours import neighbour_structs
+
+STEEP = 0.4            # n.up from which a contact carries; less: more of wedges, whose pushes grow
+HELD = 0.5             # of gravity
+MORE = 2.0             # times that a contact may begin with what it has borne: 1 lets layers sink while they land
+SETTLED = 8.0          # substeps that a grain has rested on no other before it gives its load to what it stands on
+
+
+@cache
+def support_func(real):
+    """Function (n.up, what i felt, what j felt) -> 1 where j holds i, -1 where i holds j, else 0. Felt: below 0 of what is no
+    grain."""
+    @wp.func
+    def support_of_pair(rise: real, felt_i: real, felt_j: real):
+        held = int(0)
+        if felt_i >= real(0.0) and felt_j >= real(0.0):
+            if rise > real(STEEP) and felt_j > real(HELD):
+                held = 1
+            if rise < -real(STEEP) and felt_i > real(HELD):
+                held = -1
+        return held
+
+    return support_of_pair
+
+
+@cache
+def stack_gather_kernel(real, module):
+    """Kernel over places: up, what supports felt and bore, and how fast a grain would rise without contacts."""
+    t, N, S, Constants = types(real), neighbour_structs(real), grain_structs(real), point_constants(real)
+
+    def gather_stacks(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, points: Constants, before: S.GrainSupport):
+        k = wp.tid()
+        p = c.order[k]
+        i = rows.point[p]
+        gravity = points.gravity[points.object[i]]
+        size = wp.length(gravity)
+        up = t.vec3()
+        if size > real(0.0):
+            up = -gravity / size
+        g.up[k] = t.vec4(up[0], up[1], up[2], size)
+        g.rise[k] = wp.dot(up, g.u[k])
+        felt = wp.max(before.felt[p], real(0.0))
+        part = before.part[p]
+        bears = real(0.0)
+        if size > real(0.0):
+            bears = wp.max(-wp.dot(up, before.load[p]) * g.w[i] / size, real(0.0))
+        if rows.group[p] >= 0 or size == real(0.0):
+            felt = -real(1.0)
+        g.held[k] = t.vec4(felt, part, bears, before.ground[p])
+
+    return wp.kernel(gather_stacks, name=f"grains_stacks_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def support_kernel(real, module):
+    """Kernel over places: what a grain has felt in a substep of h [s], over gravity; the part of its weight that contacts
+    with grains carried; and the load upon it [N]."""
+    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+
+    def keep_grain_support(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, after: S.GrainSupport,
+                           v: wp.array(dtype=t.vec3), h: real):
+        k = wp.tid()
+        p = c.order[k]
+        i = rows.point[p]
+        up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
+        fall = g.up[k][3] * h * h
+        carried = real(0.0)
+        load = t.vec3()
+        ground = wp.min(g.held[k][3] + real(1.0), real(SETTLED))
+        for s in range(q.count[k]):
+            slot = s * q.size + k
+            if q.support[slot] == 1:
+                ground = real(0.0)
+                carried += g.w[i] * wp.dot(up, q.L[slot])
+            elif q.support[slot] == -1:
+                others = g.held[q.other[slot]]
+                load += ((real(1.0) + others[2]) / (h * h * wp.max(others[1], real(1.0)))) * q.L[slot]
+        after.felt[p] = real(0.0)
+        after.part[p] = real(0.0)
+        after.load[p] = load
+        if fall > real(0.0):
+            after.felt[p] = (wp.dot(up, v[i]) * h - g.rise[k]) / fall
+            after.part[p] = carried / fall
+        if after.felt[p] <= real(HELD):
+            ground = real(0.0)
+        after.ground[p] = ground
+
+    return wp.kernel(keep_grain_support, name=f"grains_support_{t.name}", module=module, enable_backward=False)
