@@ -3,7 +3,8 @@ kernels/rigid/touch/body_point_solve.py.
 
     place     rows of the table of colliders (kernels/contact/project.py) go where the bodies are, and would go by momenta alone
     sort      slots of contacts (kernels/contact/search.py) in the order of bodies; within a body in that of slots
-    found     once a search has ended: arms, and the planes as they were found
+    found     once a search has ended: arms where the substep begins, and the planes as they were found. A point that goes by h
+              v' gains x x J of angular momentum, with x of that begin; with arms of its end h (v' - V') x J would be lost
     gather    what a star reads of points, before each of its solves; `rise`, of velocities
     tell      the planes go with the body; kernels/contact/project.py then pushes the points as the star has foreseen
     take      the body gets the opposite of what its points have got, summed in a fixed order: momentum is kept to rounding
@@ -162,16 +163,8 @@ def touch_begin_funcs(real):
         i = j % s.points
         body = shapes.of[s.row[j]]
         n = s.n[j]
-        gap = s.b[j] + wp.dot(n, p.d[i])
         center = shapes.begin[body] - shapes.object[p.object[i]] + double_vec3(rig.now.x[body])
-        ends = double_vec3(rig.now.e[body]) + wp.float64(p.h) * out.ahead[body]
-        off = gap * n
-        if project.is_tied_slot(s, j):
-            off = t.vec3()
-            for k in range(wp.static(3)):                # the place on the body, and not where the point is predicted
-                jk = k * s.points + i
-                off += (s.b[jk] + wp.dot(s.n[jk], p.d[i])) * s.n[jk]
-        r = (double_vec3(p.x[i]) - center) + (double_vec3(p.d[i] - off) - ends)
+        r = (double_vec3(p.x[i]) - center) + (double_vec3(p.e[i]) - double_vec3(rig.now.e[body]))
         rows_out.n[m] = n
         rows_out.r[m] = t.vec3(real(r[0]), real(r[1]), real(r[2]))
         out.b[m] = s.b[j]

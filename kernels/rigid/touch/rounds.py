@@ -25,12 +25,13 @@ from wsim.kernels.math import block
 from wsim.kernels.math.real import types
 from wsim.kernels.math.team import any_of, block_prefix_count, split_into_teams, team_barrier
 from wsim.kernels.rigid.contact import rig_type
-from wsim.kernels.rigid.kinds import SERIAL, ConstraintKind
+from wsim.kernels.rigid.kinds import ConstraintKind
 from wsim.kernels.rigid.motion import double_vec3
 from wsim.kernels.rigid.touch.body_point_solve import star_solve_func
 from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
 from wsim.kernels.rigid.touch.exchange import rotate_moments, star_body_funcs, star_contact_funcs, star_energy_funcs
 from wsim.kernels.rigid.touch.points import touch_begin_funcs, touch_structs
+from wsim.kernels.rigid.touch.step import world_sweep_func
 
 NEAR = {wp.float32: 1e-6, wp.float64: 1e-10}     # part of a momentum that counts as nothing: beyond rounding
 
@@ -202,50 +203,13 @@ def star_round_funcs(real):
 
 
 @cache
-def world_sweep_func(kinds: Sequence[ConstraintKind], real, together, threads: int):
-    """Function: a sweep over the constraints of a world, colour by colour."""
-    Rig = rig_type(real)
-
-    def sweep_of_kind(kind: ConstraintKind):
-        colours, start, item, solve = kind.colours, kind.start, kind.item, kind.solve
-
-        @wp.func
-        def sweep_world_constraints(w: int, lane: int, k: int, h: real, rig: Rig):
-            for colour in range(colours(rig)):
-                last = start(colour + 1, rig)
-                slot = start(colour, rig) + lane
-                stride = wp.static(threads)
-                if colour >= SERIAL:
-                    stride = 1
-                    if lane > 0:
-                        slot = last
-                while slot < last:
-                    j = item(slot, rig)
-                    if rig.c.count[j] > 0:
-                        if wp.max(rig.s.world[rig.c.a[j]], rig.s.world[rig.c.b[j]]) == w:
-                            solve(j, k, h, 1, rig)
-                    slot += stride
-                together()
-
-        return sweep_world_constraints
-
-    return sweep_of_kind(kinds[-1])
-
-
-@cache
-def touch_round_kernel(kinds: Sequence[ConstraintKind], real, threads: int, module):
-    """Kernel over threads of worlds: so many rounds. steps: substep, sweeps in a round, rounds, and 1 where the first of them
-    is the first of an iteration. kinds: of constraints between bodies, contacts alone."""
-    t, Worlds, Rig, Slots, Points = (types(real), world_type(real), rig_type(real), project.slot_type(real),
-                                     touch_structs(real)[2])
-    Table, Reach = project.contact_tables(real)
-    together = block.no_barrier if threads == 1 else block.block_barrier
-    (foresee, reached), take, projected = star_round_funcs(real), star_body_funcs(real)[1], project.point_projection_func(real)
-    sweep, near = world_sweep_func(kinds, real, together, threads), NEAR[real] ** 2
+def world_point_func(real, threads: int):
+    """Function of a thread of a world: contacts of its points, once; 1 where a point of several has moved."""
+    Worlds, Slots, Points = world_type(real), project.slot_type(real), touch_structs(real)[2]
+    (Table, Reach), projected, near = project.contact_tables(real), project.point_projection_func(real), NEAR[real] ** 2
 
     @wp.func
     def project_world_points(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, w: int, lane: int):
-        """Contacts of the points of a world, once; 1 where a point of several has moved."""
         moved = int(0)
         for k in range(w * W.points + lane, w * W.points + W.many[w], wp.static(threads)):
             i = W.point[k]
@@ -260,6 +224,21 @@ def touch_round_kernel(kinds: Sequence[ConstraintKind], real, threads: int, modu
                 if wp.length_sq(way) > real(near) * size:
                     moved = int(1)
         return moved
+
+    return project_world_points
+
+
+@cache
+def touch_round_kernel(kinds: Sequence[ConstraintKind], real, threads: int, module):
+    """Kernel over threads of worlds: so many rounds. steps: substep, sweeps in a round, rounds, and 1 where the first of them
+    is the first of an iteration. kinds: of constraints between bodies, contacts alone."""
+    t, Worlds, Rig, Slots, Points = (types(real), world_type(real), rig_type(real), project.slot_type(real),
+                                     touch_structs(real)[2])
+    Table, Reach = project.contact_tables(real)
+    together = block.no_barrier if threads == 1 else block.block_barrier
+    (foresee, reached), take, project_world_points = (star_round_funcs(real), star_body_funcs(real)[1],
+                                                      world_point_func(real, threads))
+    sweep = world_sweep_func(kinds, real, together, threads)
 
     def touch_rounds(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, steps: wp.vec4i, rig: Rig):
         w = wp.tid() / wp.static(threads)

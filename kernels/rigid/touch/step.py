@@ -9,12 +9,13 @@ the lever arms and gaps that this launch needs.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import warp as wp
 
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.impact import impact_func
-from wsim.kernels.rigid.kinds import ConstraintKind, acts_of_kind, at_once_func, by_colour, walk_in_turn_func
+from wsim.kernels.rigid.kinds import SERIAL, ConstraintKind, acts_of_kind, at_once_func, by_colour, walk_in_turn_func
 from wsim.kernels.rigid.passes import over_bodies
 
 
@@ -84,3 +85,34 @@ def touch_sweep(kinds: Sequence[ConstraintKind], real, module, meet: Callable, t
             solve(wp.tid(), threads, steps[0], h, 1, rig)
 
     return block_launch_kernel(rigid_touch_sweep, module, threads, cluster)
+
+
+@cache
+def world_sweep_func(kinds: Sequence[ConstraintKind], real, together, threads: int):
+    """Function: a sweep over the constraints of a world, colour by colour."""
+    Rig = rig_type(real)
+
+    def sweep_of_kind(kind: ConstraintKind):
+        colours, start, item, solve = kind.colours, kind.start, kind.item, kind.solve
+
+        @wp.func
+        def sweep_world_constraints(w: int, lane: int, k: int, h: real, rig: Rig):
+            for colour in range(colours(rig)):
+                last = start(colour + 1, rig)
+                slot = start(colour, rig) + lane
+                stride = wp.static(threads)
+                if colour >= SERIAL:
+                    stride = 1
+                    if lane > 0:
+                        slot = last
+                while slot < last:
+                    j = item(slot, rig)
+                    if rig.c.count[j] > 0:
+                        if wp.max(rig.s.world[rig.c.a[j]], rig.s.world[rig.c.b[j]]) == w:
+                            solve(j, k, h, 1, rig)
+                    slot += stride
+                together()
+
+        return sweep_world_constraints
+
+    return sweep_of_kind(kinds[-1])

@@ -63,6 +63,20 @@ def loop_struct():
 
 
 @cache
+def pushed_link_struct():
+    """What links are said to have where points and strands push them, and what a star works with (contact/pushed.py)."""
+    @wp.struct
+    class PushedLinks:
+        p: wp.array(dtype=wp.vec3d)                  # of bodies: momenta as they were told last
+        L: wp.array(dtype=wp.vec3d)
+        J: wp.array(dtype=wp.vec3d)                  # of bodies: impulse that points get, its moment about the centre of mass
+        M: wp.array(dtype=wp.vec3d)
+        u: wp.array(dtype=wp.float64)                # of dofs: u before the star
+
+    return PushedLinks
+
+
+@cache
 def tree_structs():
     """(TreeTable, Trees): what no stage writes, and all of it with what a step writes."""
     @wp.struct
@@ -103,12 +117,13 @@ def tree_structs():
         step_start: wp.array(dtype=int)              # of those, and one more: place in `step_entry`
         step_entry: wp.array(dtype=int)              # entries of their rows
 
-    TreeLoops = loop_struct()
+    TreeLoops, PushedLinks = loop_struct(), pushed_link_struct()
 
     @wp.struct
     class Trees:
         t: TreeTable
         loops: TreeLoops
+        links: PushedLinks
         q: wp.array(dtype=wp.float64)
         qd: wp.array(dtype=wp.float64)
         X: wp.array(dtype=wp.vec3d)                  # of links: centre of mass, and principal axes to the world

@@ -32,6 +32,8 @@ ONE = np.array([0.0, 0.0, 0.0, 1.0])
 class DeviceJoints:
     """The joints of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
 
+    reduced = False                                           # True: coordinates are those of joints
+
     def __init__(self, b, method):
         self.model, self.method, self.device = b.model, method, b.model.device
         self.given = [joint for joint in b.scene.things("Joint") if joint.enabled]

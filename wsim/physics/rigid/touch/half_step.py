@@ -34,7 +34,11 @@ class HalfStepMomenta:
     def read(self, clock: Clock) -> None:
         t = self.touch
         part, rig, n = t.rigid.part.arrays, t.rigid.contacts.rig(), len(t.rigid.bodies)
-        t.model.launch(self.kernels[0], n, [rig, t.found], [part["ph"], part["Lh"]])
+        if t.trees:                                      # a prediction reads what others do where the substep ends
+            for array in (part["ph"], part["Lh"], t.found.total):
+                array.zero_()
+        else:
+            t.model.launch(self.kernels[0], n, [rig, t.found], [part["ph"], part["Lh"]])
         t.model.launch(self.kernels[1], t.room_for, [t.contacts.slots, t.points(clock), self.bare, n], [t.rows, t.aside])
         moving = t.rigid.moving()
         rig.now = fill_struct(t.rigid.Moving, p=part["ph"], L=part["Lh"], **{name: getattr(moving, name) for name in "xeqo"})

@@ -41,7 +41,10 @@ class ForeseenBodies(NewtonTerm):
     def recall(self, clock: Clock) -> None:
         """Moves planes, behind a search, as the impulses of the substep before say."""
         touch, kept = self.touch, self.touch.rigid.part.arrays
-        self.run("recall", len(touch.rigid.bodies), [touch.rows, touch.hubs, kept["J"], kept["T"]], [touch.V])
+        if touch.stars:
+            touch.stars.recall(kept["J"], kept["T"])
+        else:
+            self.run("recall", len(touch.rigid.bodies), [touch.rows, touch.hubs, kept["J"], kept["T"]], [touch.V])
         touch.tell(clock)
 
     def lean(self, clock: Clock) -> None:

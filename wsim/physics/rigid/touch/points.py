@@ -5,8 +5,7 @@ the state of the bodies. In a substep bodies first take their forces, then point
 every iteration of points a star is solved around each body (kernels/rigid/touch/body_point_solve.py) in turn with the contacts
 that bodies have among themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
 
-Where a world has few bodies, a block of threads solves it in one launch (worlds.py). More of them take a block each, and
-several launches a round.
+A block of threads solves a world of few bodies in one launch (worlds.py). More of them take a block each, and more launches.
 """
 
 from dataclasses import replace
@@ -26,7 +25,7 @@ from wsim.physics.rigid.meetings import collider_places_in_body
 from wsim.physics.rigid.solids import touching_colliders
 from wsim.physics.rigid.touch.half_step import HalfStepMomenta
 from wsim.physics.rigid.touch.substeps import RigidSubsteps, make_point_ties
-from wsim.physics.rigid.touch.worlds import FEW, WorldBlocks
+from wsim.physics.rigid.touch.worlds import WorldBlocks, few_bodies
 from wsim.scene import Collider, Motion
 
 LANES = 64                   # threads of a block that sum over the contacts of a body
@@ -39,8 +38,7 @@ class BodyPointContacts(RigidSubsteps):
 
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
-        few = len(rigid.bodies) <= FEW * b.model.worlds
-        super().__init__(b, rigid, swept=not few)
+        super().__init__(b, rigid, swept=not (few := few_bodies(b.model, rigid)))
         self.state, self.real, self.status, self.clock = b.state, b.model.real, b.status, b.clock
         if b.choice.solver == "implicit":
             from wsim.physics.rigid.touch.newton import UNFORESEEN
@@ -51,12 +49,13 @@ class BodyPointContacts(RigidSubsteps):
                        for world in range(b.model.worlds)}
         bouncing = any(c.restitution > 0.0 for *_, c in self.owners)
         self.memory = b.clock.integrator.memory > 0.0
-        self.rises, self.alone = bouncing or self.memory, len(self.copies[0]) == 1 and not b.scene.colliders
+        self.rises, self.alone = bouncing or self.memory, len(self.copies[0]) == 1 and not (b.scene.colliders or self.trees)
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
         self.lanes = LANES if b.model.device.is_cuda else 1
         self.kernels: dict[str, Any] = {}
         self.need(place=touch.body_place_kernel)
-        self.worlds = WorldBlocks(self) if few else None
+        self.stars = self.trees.make_stars(self) if self.trees else None
+        self.worlds: Any = self.stars or (WorldBlocks(self) if few else None)
         if not few:
             self.need(keys=touch.contact_key_kernel, begin=touch.touch_begin_kernel, found=touch.found_contact_kernel,
                       gather=exchange.star_row_kernel, hubs=exchange.star_hub_kernel, tell=exchange.contact_plane_kernel,
@@ -67,8 +66,7 @@ class BodyPointContacts(RigidSubsteps):
         if self.memory:
             self.need(carry=rebound.overlap_carry_kernel, others=rebound.other_push_kernel)
         self.before: Any = wp.zeros_like(b.state.x) if self.memory else None     # anchors before a search
-        self.start = self.ties = None    # type: Any        # ties: `wsim.physics.rigid.touch.point_ties.PointTies`
-        self.half: HalfStepMomenta | None = None
+        self.start = self.ties = self.half = None    # type: Any        # ties: `wsim.physics.rigid.touch.point_ties.PointTies`
         self.surfaces = False            # True: their sweeps come behind the last iteration
 
     def need(self, **factories: Any) -> None:
@@ -230,6 +228,8 @@ class BodyPointContacts(RigidSubsteps):
 
     def solve(self, clock: Clock, given: float, k: float, g: float) -> None:
         """The stars of `rows`. given: 1 where they are of all impulses of the substep, 0 of such as come on top."""
+        if self.stars:
+            return self.stars.solve_stars(given, k, g)
         self.run("hubs", len(self.rigid.bodies), [self.rigid.contacts.rig(), self.found, given], [self.hubs])
         self.blocks(self.kernels["star"], [self.rows, self.hubs, k, g, self.lanes], [self.V, self.left])
 
@@ -269,7 +269,7 @@ class BodyPointContacts(RigidSubsteps):
 
     def indicators(self) -> dict[str, float]:
         """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there
-        of how points change a body's motion, the largest of all bodies (kernels/rigid/touch: star.py, of Newton lean.py)."""
+        of how points change a body's motion, at most (kernels/rigid/touch: body_point_solve.py, of Newton lean.py)."""
         left = self.foreseen.missed if self.foreseen else self.left
         return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
 

@@ -25,9 +25,15 @@ class RigidSubsteps:
         """swept: False if `sweep` is never called."""
         self.model, self.rigid = b.model, rigid
         self.form = rigid.contacts.form
-        self.step = self.form.parts(touch_step, rigid.contacts.bouncing, linked=rigid.joints is not None)
-        self.swept = self.form.parts(touch_sweep, False) if swept else None
-        self.joints = rigid.joints.passes() if rigid.joints else None
+        self.trees: Any = None           # `wsim.physics.rigid.touch.trees.PushedTrees`, in reduced coordinates
+        self.joints = self.step = self.swept = None      # type: Any
+        if rigid.joints and rigid.joints.reduced:
+            from wsim.physics.rigid.touch.trees import PushedTrees
+            self.trees = PushedTrees(rigid)
+        else:
+            self.step = self.form.parts(touch_step, rigid.contacts.bouncing, linked=rigid.joints is not None)
+            self.swept = self.form.parts(touch_sweep, False) if swept else None
+            self.joints = rigid.joints.passes() if rigid.joints else None
         size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
         if asks_for_sleep(b.scene):
             what += "; none sleeps, as points never do"
@@ -51,6 +57,8 @@ class RigidSubsteps:
         """Forces on bodies; manifolds."""
         own, k = self.rigid.contacts, clock.k
         own.renew(clock, k)
+        if self.trees:
+            return self.trees.begin(clock)
         if len(self.step) > 2:                           # joints take part in blows
             self.form.launch(self.step[2], self.steps(clock), [])
             self.joined(clock, lined=k)
@@ -68,15 +76,20 @@ class RigidSubsteps:
 
     def sweep(self, clock: Clock) -> None:
         """Sweeps over the contacts of bodies among themselves and with colliders, and over joints."""
+        if self.trees:
+            return self.trees.sweep(clock)
         self.form.launch(self.swept, self.steps(clock), [])
         self.joined(clock)
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
         own = self.rigid.contacts
-        self.joined(clock)
-        self.form.launch(self.step[1], self.steps(clock), [])
-        self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
+        if self.trees:
+            self.trees.end(clock)
+        else:
+            self.joined(clock)
+            self.form.launch(self.step[1], self.steps(clock), [])
+            self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
         if clock.k + 1 == clock.substeps:
             own.keep()
 

@@ -14,6 +14,11 @@ THREADS = 256                # of a block
 FEW = 32                     # bodies of a world that one block solves, at most: a block each solves more of them
 
 
+def few_bodies(model, rigid) -> bool:
+    """Whether a block of threads solves a world; worlds of trees always."""
+    return len(rigid.bodies) <= FEW * model.worlds or rigid.joints is not None and rigid.joints.reduced
+
+
 class WorldBlocks:
     """touch: `wsim.physics.rigid.touch.points.BodyPointContacts`, whose form is made."""
 
@@ -23,7 +28,12 @@ class WorldBlocks:
         self.threads = THREADS if cuda else 1
         module = self.model.shared_module("touch_rounds", form.coloured, form.tolerance > 0.0, threads=THREADS * cuda)
         self.list_kernel = rounds.touch_list_kernel(touch.real, self.threads, module)
-        self.rounds_kernel = rounds.touch_round_kernel(tuple(form.kinds), touch.real, self.threads, module)
+        self.make_rounds(form)
+
+    def make_rounds(self, form) -> None:
+        """Kernel of all rounds."""
+        kinds, real, module = tuple(form.kinds), self.touch.real, self.list_kernel.module
+        self.rounds_kernel = rounds.touch_round_kernel(kinds, real, self.threads, module)
 
     @property
     def launches(self) -> tuple[int, int]:

@@ -6,13 +6,15 @@ from dataclasses import astuple, dataclass
 @dataclass(frozen=True)
 class TreeContactNeeds:
     """moving: what some trees hang from moves; bouncing: something has restitution; exact: sweeps end at a residual; sleeping:
-    trees may sleep; soft: contacts are MuJoCo's (soft_model.py)."""
+    trees may sleep; soft: contacts are MuJoCo's (soft_model.py); pushed: points or strands push links, which keep momentum
+    with them (balance.py)."""
 
     moving: bool = False
     bouncing: bool = False
     exact: bool = False
     sleeping: bool = False
     soft: bool = False
+    pushed: bool = False
 
     @property
     def key(self) -> tuple[bool, ...]:

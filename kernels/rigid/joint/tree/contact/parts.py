@@ -11,7 +11,7 @@ from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tree.actuator_forces import add_actuator_inertia
 from wsim.kernels.rigid.joint.tree.contact.contacts import COLUMNS, link_contact_functions
 from wsim.kernels.rigid.joint.tree.contact.needs import TreeContactNeeds
-from wsim.kernels.rigid.joint.tree.contact.responses import close_tree_sweeps, open_tree_sweeps, solve_tree_responses
+from wsim.kernels.rigid.joint.tree.contact.responses import open_tree_sweeps, solve_tree_responses
 from wsim.kernels.rigid.joint.tree.contact.soft_model import soft_goal_func
 from wsim.kernels.rigid.joint.tree.contact.teams import WorldTeam, touching_manifold_functions
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia
@@ -122,7 +122,7 @@ def tree_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
     @standalone_function
     @wp.func
     def move_tree(g: int, k: int, h: wp.float64, J: Linked, T: Trees, P: Trees):
-        close_tree_sweeps(g, T)
+        """Coordinates move by the mean rates `qd`."""
         if wp.static(moving):
             place_tree_base(g, k, wp.float64(1.0), h, T, J)
         copy_tree_state(g, T.q, T.qd, T.q_before, T.qd_before, T)

@@ -16,6 +16,7 @@ from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.tree.actuator_forces import note_actuator_work
+from wsim.kernels.rigid.joint.tree.contact.balance import balance_tree_momentum, expected_tree_momentum
 from wsim.kernels.rigid.joint.tree.contact.needs import TreeContactNeeds
 from wsim.kernels.rigid.joint.tree.contact.parts import tree_part_functions
 from wsim.kernels.rigid.joint.tree.contact.responses import close_tree_sweeps, open_tree_sweeps
@@ -25,7 +26,7 @@ from wsim.kernels.rigid.joint.tree.joint_forces import note_drive_work
 from wsim.kernels.rigid.joint.tree.lanes import tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
-from wsim.kernels.rigid.joint.tree.tables import Trees
+from wsim.kernels.rigid.joint.tree.tables import Trees, vec6d
 from wsim.kernels.rigid.soft_step import body_steps
 
 
@@ -91,8 +92,14 @@ def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds)
         d = wp.float64(h)
         for g in range(team.tree + team.number, team.last_tree, team.of):
             if awake(g, rig, T):
+                close_tree_sweeps(g, T)
+                kept = vec6d()
+                if wp.static(needs.pushed):
+                    kept = expected_tree_momentum(g, T, P)
                 move(g, k, d, J, T, P)
                 ready(g, k + 1, h, rig, J, T)
+                if wp.static(needs.pushed):
+                    balance_tree_momentum(g, kept, T)
                 write(g, T, rig.now)
                 open_tree_sweeps(g, T)
         place(team, k + 1, h, rig, T)

@@ -13,12 +13,7 @@ from wsim.scene import Problem, SceneError
 
 def why_maximal(b) -> str:
     """Reason why a scene cannot have reduced coordinates that does not lie in its joints, or ""."""
-    scene = b.scene
-    if b.model.gradients:
-        return "gradients"
-    if solids.bodies_touch_points(scene) or solids.bodies_met_by_strands(scene):
-        return "bodies touch points or strands"
-    return ""
+    return "gradients" if b.model.gradients else ""
 
 
 def make_joints(b, method) -> Any:
@@ -29,7 +24,8 @@ def make_joints(b, method) -> Any:
     if not why:
         from wsim.physics.rigid.joints.trees.tables import DeviceTrees
         try:
-            trees = DeviceTrees(b, method, solids.has_rigid_contacts(b.scene))
+            pushed = solids.bodies_touch_points(b.scene) or bool(solids.bodies_met_by_strands(b.scene))
+            trees = DeviceTrees(b, method, pushed or solids.has_rigid_contacts(b.scene), pushed)
             b.state.add(trees.part, *trees.tree_parts)
             return trees
         except ValueError as error:

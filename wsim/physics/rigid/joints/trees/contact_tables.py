@@ -6,16 +6,17 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rigid.joint.tree.contact.needs import TreeContactNeeds
-from wsim.kernels.rigid.joint.tree.tables import mat66d, vec5d
+from wsim.kernels.rigid.joint.tree.tables import mat66d, pushed_link_struct, vec5d
+from wsim.model.structs import fill_struct
 from wsim.physics.rigid.meetings import has_restitution
 from wsim.physics.rigid.solids import bodies_may_sleep, has_soft_contacts
 
 
-def tree_contact_needs(scene, moves: bool) -> TreeContactNeeds:
-    """What the substeps of touching trees need. moves: what some hang from moves."""
+def tree_contact_needs(scene, moves: bool, pushed: bool = False) -> TreeContactNeeds:
+    """What the substeps of touching trees need. moves: what some hang from moves; pushed: points or strands push links."""
     soft = has_soft_contacts(scene)
     return TreeContactNeeds(moves, has_restitution(scene) and not soft, scene.contact_tolerance > 0.0, bodies_may_sleep(scene),
-                            soft)
+                            soft, pushed)
 
 
 def add_soft_tables(trees, contacts) -> None:
@@ -48,4 +49,13 @@ def contact_tables(trees) -> dict[str, Any]:
     return {**{name: trees._to_device(values.ravel(), int) for name, values in found.items()},
             "met": zeros(n * worlds, int), "answer": zeros(int(answers[-1]) * worlds, wp.float64),
             "swing": zeros(n * worlds, mat66d), "flags": zeros(2 * worlds, int), "residual": zeros(worlds, wp.float64),
-            "tolerance": float(trees.model.scene.contact_tolerance)}
+            "tolerance": float(trees.model.scene.contact_tolerance), "links": pushed_link_arrays(trees)}
+
+
+def pushed_link_arrays(trees) -> Any:
+    """The struct of what links are said to have; empty where nothing pushes them."""
+    if not trees.pushed:
+        return fill_struct(pushed_link_struct())
+    n = len(trees.method.bodies)
+    return fill_struct(pushed_link_struct(), u=wp.zeros_like(trees.qd),
+                       **{name: wp.zeros(n, dtype=wp.vec3d, device=trees.device) for name in ("p", "L", "J", "M")})

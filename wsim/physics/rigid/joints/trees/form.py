@@ -44,13 +44,16 @@ class TreeContactForm(forms.ContactPassForm):
             own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS * self.wide)
             self.kernels["colours"] = contact_colour_kernel(model.real, own, meet, **sizes)
         block_size = min(forms.THREADS, self.threads)
-        needs = tree_contact_needs(model.scene, bool(self.trees.trees.moves))
-        self.tolerance = model.scene.contact_tolerance
+        needs = tree_contact_needs(model.scene, bool(self.trees.trees.moves), self.trees.pushed)
+        self.tolerance, make, name = model.scene.contact_tolerance, touching_tree_kernel, "trees"
+        if self.trees.pushed:
+            from wsim.kernels.rigid.joint.tree.contact.pushed import pushed_tree_kernels as make
+            name = "pushed"
         if not self.wide:
             sizes = self.trees.launch_bounds
         kind = (self.blocks, self.coloured, *needs.key, "launch_bounds" in sizes)
-        module = model.shared_module("rigid_touching_trees", *kind, threads=block_size)
-        self.kernels["trees"] = touching_tree_kernel(model.real, module, meet, self.coloured, needs, **sizes)
+        module = model.shared_module(f"rigid_touching_{name}", *kind, threads=block_size)
+        self.kernels[name] = make(model.real, module, meet, self.coloured, needs, **sizes)
 
     def sleep_form(self) -> forms.ContactPassForm:
         device = self.model.device
@@ -60,12 +63,16 @@ class TreeContactForm(forms.ContactPassForm):
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         rig.work.strayed.zero_()
+        self.launch_teams(self.kernels["trees"], steps, h, rig)
+
+    def launch_teams(self, kernel, steps: tuple[int, int, int], h: float, rig, *more) -> None:
+        """Launches the teams of all worlds."""
         trees, model = self.trees, self.model
-        given = [wp.vec3i(*steps), h, self.threads // self.team, rig, trees.linked, trees.trees, trees.scratch]
+        given = [wp.vec3i(*steps), h, self.threads // self.team, rig, trees.linked, trees.trees, trees.scratch, *more]
         if self.team > 1:
-            model.launch_blocks(self.kernels["trees"], model.worlds * self.blocks, self.threads // self.blocks, given, [])
+            model.launch_blocks(kernel, model.worlds * self.blocks, self.threads // self.blocks, given, [])
         else:
-            model.launch(self.kernels["trees"], model.worlds, given, [])
+            model.launch(kernel, model.worlds, given, [])
 
     def launches(self, steps: int, sweeps: int) -> int:
         return (2 + self.coloured) * steps

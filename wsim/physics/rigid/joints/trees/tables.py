@@ -36,10 +36,12 @@ ENDED = ("first_link", "first_dof", "first_coordinate", "first_entry", "first_le
 class DeviceTrees(DeviceJoints):
     """The joints of a method whose islands are all trees. Raises ValueError, with the reason, where one is not."""
 
-    def __init__(self, b, method, touching: bool = False):
-        """touching: its bodies meet something."""
+    reduced = True
+
+    def __init__(self, b, method, touching: bool = False, pushed: bool = False):
+        """touching: its bodies meet something; pushed: points or strands push them."""
         super().__init__(b, method)
-        self.touching = touching
+        self.touching, self.pushed = touching, pushed
         n = len(self.order.first_joint) - 1
         per = n // self.model.worlds
         one = {name: np.asarray(getattr(self.order, name)) for name in ("first_joint", "first_body", "body")}
