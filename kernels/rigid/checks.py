@@ -3,6 +3,7 @@
     K = 1/2 (p . p / m + M I^-1 M),  M = q* L q          W = F . (x - x0) + sum of work of moving colliders
 
     gap of a joint      largest |g - goal| of a locked row over GAP of the size of its smaller body [m], over ANGLE [rad]
+    pressed contacts    hold U = 1/2 F d of the force F and depth d of their points: they are soft (kernels/rigid/soft_step.py)
     overlap             largest depth of a point of a manifold over OVERLAP of the least width of the bodies that meet there and
                         what they go in a substep: an impact is not a stack that sinks
     rolling             facets or radians that pass below a body in a substep (kernels/rigid/narrow/rolling.py). It counts once
@@ -128,6 +129,24 @@ def check_joints(J: Linked, size: wp.array(dtype=wp.float64), worlds: int, word:
                 worst = wp.max(worst, wp.abs(J.now[j, r] - J.t.low[j, r]) / may)
         if worst > wp.float64(1.0):
             wp.atomic_max(word, j // (J.broken.shape[0] // worlds), int(wp.float64(1000.0) * wp.min(worst, wp.float64(1.0e6))))
+
+
+@cache
+def contact_energy_kernel(real):
+    """Kernel over threads of the only world: a row of the ledger each, with the energy that its contacts may give back. h: of
+    the last substep [s]."""
+    Rig, t = rig_type(real), types(real)
+
+    def sum_contact_energy(rig: Rig, h: wp.float64, rows: wp.array(dtype=wp.vec4d)):
+        held = wp.float64(0.0)
+        for m in range(wp.tid(), rig.c.count.shape[0], rows.shape[0]):
+            for i in range(rig.c.count[m]):
+                depth = wp.max(-wp.float64(rig.work.now[4 * m + i]), wp.float64(0.0))
+                held += wp.float64(0.5) / h * wp.float64(rig.c.push[4 * m + i]) * depth
+        rows[wp.tid()] = wp.vec4d(wp.float64(0.0), wp.float64(0.0), held, wp.float64(0.0))
+
+    return wp.kernel(sum_contact_energy, name=f"balance_contacts_{t.name}", module=f"wsim_balance_bodies_{t.name}",
+                     enable_backward=False)
 
 
 @cache

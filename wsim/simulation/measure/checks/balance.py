@@ -140,7 +140,7 @@ class EnergyBalance(Method):
 
     def close(self, begins: bool = False) -> None:
         """Launches the terms and the balance. begins: where a frame begins."""
-        self.terms.launch(begins)
+        self.terms.launch(self.clock.h, begins)
         lanes = 32 if self.model.device.is_cuda else 1
         self.model.launch(ledger.close_frame, lanes * self.model.worlds,
                           [self.terms.rows, len(self.terms.each), lanes, PART, self.ledger], [self.status.word(WORD)])

@@ -143,6 +143,11 @@ class EnergyTerms:
         self.balance_bodies = body_balance_kernel(self.model.real)
         self.kernels.append(self.balance_bodies)
         self.each.append(self.sum_bodies)
+        if self.rigid.contacts and self.worlds == 1:            # manifolds of many worlds are in no order of worlds
+            from wsim.kernels.rigid.checks import contact_energy_kernel
+            self.balance_contacts = contact_energy_kernel(self.model.real)
+            self.kernels.append(self.balance_contacts)
+            self.each.append(self.sum_contacts)
         joints: Any = self.rigid.joints
         if joints and (joints.actuators or any(j.drives for j in joints.joints)):
             from wsim.kernels.rigid.checks import balance_drives, joint_place_kernel
@@ -158,14 +163,17 @@ class EnergyTerms:
                   self.motions(part, given=given)]
         self.model.launch(self.balance_bodies, rows.size, inputs, [rows])
 
+    def sum_contacts(self, rows: wp.array) -> None:
+        self.model.launch(self.balance_contacts, rows.size, [self.rigid.contacts.rig(), self.h], [rows])
+
     def sum_drives(self, rows: wp.array) -> None:
         joints: Any = self.rigid.joints
         if self.begins:                                       # a run has no coordinates yet, or they are of another place
             self.model.launch(self.place_joints, joints.islands, [self.rigid.table, self.rigid.moving(), joints.linked], [])
         self.model.launch(self.balance_drives, rows.size, [joints.linked, self.worlds, int(self.begins)], [rows])
 
-    def launch(self, begins: bool = False) -> None:
-        """Launches all of them. begins: where a frame begins."""
-        self.begins = begins
+    def launch(self, h: float, begins: bool = False) -> None:
+        """Launches all of them. h: of the last substep [s]; begins: where a frame begins."""
+        self.h, self.begins = h, begins
         for each, rows in zip(self.each, self.own, strict=True):
             each(rows)
