@@ -10,21 +10,20 @@
     lam_i' = max(lam_i + omega C_i / D_i, 0)
     d_i -= w_i (sum_j (dlam_i + dlam_j) G_ij + dlam_i G_wall)          dlam = lam' - lam
 
-Of the kernels in use this one has nearly the same sum on each lattice (cubic, face-centred, body-centred: 1.2359, 1.2336,
-1.2357), so that a fluid keeps its volume however its particles come to lie; and it pushes hardest where they are close.
-Pressure is never negative, so that no artificial pressure (eq. 13 there) has to part what tension would draw together. Pairs
-take opposite pushes: momentum is kept to rounding.
+This kernel has nearly the same sum on each lattice (cubic, face-centred, body-centred: 1.2359, 1.2336, 1.2357), so that a
+fluid keeps its volume however it comes to lie; and it pushes hardest where particles are close. Pressure is never negative, so
+that no artificial one (eq. 13 there) has to part them. Pairs take opposite pushes: momentum is kept to rounding.
 
 A wall stands for layers of particles at s + d/2 and s + 3d/2 behind it, each spread over its plane:
 
     B(s) = sum_k 1.5 d/H (1 - q)^4 (1 + 4 q),   q = (s + (k + 1/2) d) / H,        B' = sum_k -30 d/H^2 q (1 - q)^3
 
 In a corner layers would count twice: walls together have the part 1 - product of (1 - B / S).
-
 All particles are corrected at once (Jacobi), omega below 1; they converge over substeps, since pressures last. Of an error that
-is there as a substep begins the part `keep` may stay: a push that takes all of it at once is a velocity, and the fluid boils.
-Where few iterations meet a deep column, pressures would go up without end, and particles with them. So D_i, the change of lam
-in an iteration and what of lam lasts have bounds, the same for both particles of a pair: the fluid is pressed together instead.
+is there as a substep begins a part may stay (density_errors.py). Pairs nearer than NEAREST d part; in one place, as their order
+says.
+Where few iterations meet a deep column, pressures would grow without end. So D_i, the change of lam in an iteration and what of
+lam lasts have bounds, the same for both particles of a pair: the fluid is pressed together instead.
 Self-terms and the kernel's slope dilute both: with K = -sum_j r.G_ij / 3 = 0.76 the error of the volume is C / K, and the
 pressure K lam / (g^2 V), its virial.
 """
@@ -40,6 +39,7 @@ import warp as wp
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.math.real import types
+from wsim.kernels.position_based.grain_contacts import pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
 
 REACHED = 2.0          # H over d
@@ -47,8 +47,8 @@ LATTICE = 1.2359       # S, of the cubic lattice
 LEAST_SLOPE = 0.05     # d^2 D_i / w at least: 0.066 of two particles at rest, 0.25 of a lattice
 MOST_KEPT = 0.3        # w lam / d^2 that lasts at most: such a pressure moves a neighbour at rest by 0.05 d in a substep
 MOST_CHANGE = 1.0      # the same of its change in an iteration
-TOLD = 0.1             # C of which a warning tells
-WALLS = 3              # of a particle at most: a corner has three
+NEAREST, PARTED = 0.1, 0.01       # of d: distance below which pairs part, however thin the fluid; the part of it an iteration
+WALLS = 3              # of a particle at most, the nearest ones: a corner has three
 
 
 @cache
@@ -141,9 +141,19 @@ def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
         m = int(0)
         for c in range(colliders.kind.shape[0]):
             s, n, place = ask.closest(colliders, c, f.y[k], time)
-            if s < far and m < wp.static(WALLS):
-                f.wall[m * f.y.shape[0] + k] = t.vec4(n[0], n[1], n[2], s)
-                m += 1
+            if s < far:
+                at = int(m)
+                if m == wp.static(WALLS):                # the farthest gives way
+                    at = 0
+                    for e in range(1, wp.static(WALLS)):
+                        if f.wall[e * f.y.shape[0] + k][3] > f.wall[at * f.y.shape[0] + k][3]:
+                            at = int(e)
+                    if f.wall[at * f.y.shape[0] + k][3] <= s:
+                        at = wp.static(WALLS)
+                else:
+                    m += 1
+                if at < wp.static(WALLS):
+                    f.wall[at * f.y.shape[0] + k] = t.vec4(n[0], n[1], n[2], s)
         for e in range(m, wp.static(WALLS)):
             f.wall[e * f.y.shape[0] + k] = t.vec4(real(0.0), real(0.0), real(0.0), real(1.0e30))
 
@@ -189,6 +199,7 @@ def wall_density_func(real):
 def density_func(real):
     """Function (f, lists, k) -> (C, sum_j G_ij + G_wall, sum_j |G_ij|^2, G_wall) of place k."""
     t, N, S, walls = types(real), neighbour_structs(real), fluid_structs(real), wall_density_func(real)
+    normal = pair_normal_func(real)
 
     @wp.func
     def density_at_place(f: S.FluidTable, lists: N.PairLists, k: int, moved: real):
@@ -199,12 +210,11 @@ def density_func(real):
         square = real(0.0)
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            way = x - f.y[other] - moved * f.u[other]
-            r = wp.length(way)
-            if r < H and r > real(0.0):
+            e, r = normal(x - f.y[other] - moved * f.u[other], k, other)
+            if r < H:
                 total += kernel_weight(r, H)
                 slope = kernel_slope(r, H)
-                G += (slope / r) * way
+                G += slope * e
                 square += slope * slope
         B, wall = walls(f, k, moved)
         return total + B - real(1.0), G + wall, square, wall
@@ -236,22 +246,9 @@ def fluid_pressure_kernel(real, module):
 
 
 @cache
-def fluid_left_kernel(real, module):
-    """Kernel over places: what a substep may leave of the error where it begins."""
-    N, S, density = neighbour_structs(real), fluid_structs(real), density_func(real)
-
-    def allow_density_error(lists: N.PairLists, f: S.FluidTable):
-        k = wp.tid()
-        C, G, square, wall = density(f, lists, k, real(0.0))
-        f.left[k] = f.keep * wp.max(C, real(0.0))
-
-    return wp.kernel(allow_density_error, name=f"fluid_left_{types(real).name}", module=module, enable_backward=False)
-
-
-@cache
 def fluid_push_kernel(real, module):
     """Kernel over places: what changes of multipliers move."""
-    t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
+    t, N, S, normal = types(real), neighbour_structs(real), fluid_structs(real), pair_normal_func(real)
 
     def push_fluid(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable, d_out: wp.array(dtype=t.vec3)):
         k = wp.tid()
@@ -259,16 +256,16 @@ def fluid_push_kernel(real, module):
         x = f.y[k] + f.u[k]
         own = f.change[k]
         move = own * f.push[k]
+        apart = t.vec3()
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            both = own + f.change[other]
-            if both != real(0.0):
-                way = x - f.y[other] - f.u[other]
-                r = wp.length(way)
-                if r < H and r > real(0.0):
-                    move += (both * kernel_slope(r, H) / r) * way
+            e, r = normal(x - f.y[other] - f.u[other], k, other)
+            if r < H:
+                move += ((own + f.change[other]) * kernel_slope(r, H)) * e
+                apart += wp.max(real(NEAREST) * f.d - r, real(0.0)) * e
         i = rows.point[c.order[k]]
-        d_out[i] = d_out[i] - f.w[i] * move
+        if f.w[i] > real(0.0):
+            d_out[i] = d_out[i] - f.w[i] * move + real(PARTED) * apart
 
     return wp.kernel(push_fluid, name=f"fluid_push_{t.name}", module=module, enable_backward=False)
 
@@ -284,17 +281,3 @@ def fluid_wall_push_kernel(real, module):
         f.push[k] = wall
 
     return wp.kernel(start_wall_push, name=f"fluid_wall_push_{types(real).name}", module=module, enable_backward=False)
-
-
-@cache
-def fluid_keep_kernel(real, module):
-    """Kernel over places: pressures [Pa] for the next substep, after one of h [s]; the worst C beyond TOLD, in millionths."""
-    N, S = neighbour_structs(real), fluid_structs(real)
-
-    def keep_fluid_pressure(c: N.CellTable, f: S.FluidTable, h: real, worst: wp.array(dtype=int)):
-        k = wp.tid()
-        if f.tight[k] > real(TOLD):
-            wp.atomic_max(worst, 0, int(real(1.0e6) * wp.min(f.tight[k], real(1.0e3))))
-        f.pressure[c.order[k]] = f.lam[k] / (h * h * f.d * f.d * f.d)
-
-    return wp.kernel(keep_fluid_pressure, name=f"fluid_keep_{types(real).name}", module=module, enable_backward=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import density as kernels
-from wsim.kernels.position_based import flow
+from wsim.kernels.position_based import density_errors, flow
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
@@ -63,9 +63,9 @@ class DensityConstraints(Method):
         self.flow, self.flows = self._make_flow(b)
         module = launches.module
         makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,
-                  "start": kernels.fluid_wall_push_kernel, "left": kernels.fluid_left_kernel,
+                  "start": kernels.fluid_wall_push_kernel, "left": density_errors.fluid_left_kernel,
                   "pressure": kernels.fluid_pressure_kernel, "push": kernels.fluid_push_kernel,
-                  "keep": kernels.fluid_keep_kernel, "flow": flow.flow_gather_kernel,
+                  "keep": density_errors.fluid_keep_kernel, "flow": flow.flow_gather_kernel,
                   "viscosity": flow.flow_viscosity_kernel}
         self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
         self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
