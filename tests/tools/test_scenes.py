@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.make.tools.scenes import CLUSTERS, GRAINS
+from tests.make.tools.scenes import CLUSTERS, GRAINS, PARTICLES
 from tools.scenes import SCENES
 from tools.scenes.cloth import USED
 from wsim.geometry.tetra.tets import signed_tet_volumes
@@ -50,7 +50,7 @@ SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3,
 RODS = {"shaken_head": (100, 18), "rope_knot": (1, 135), "rope_on_cloth": (1, 96), "rope_bridge": (2, 43)}   # strands, points
 scenes, soft_scenes = (pytest.mark.parametrize("name", each) for each in (CONTENT, SOFT))
 every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS,
-                                               *CLUSTERS])
+                                               *CLUSTERS, *PARTICLES])
 
 
 def area(cloth) -> float:
@@ -79,7 +79,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    known = {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS, *CLUSTERS}
+    known = {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *GRAINS, *CURVES, *SKELETONS, *RODS, *CLUSTERS, *PARTICLES}
     assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == known
 
 

@@ -1,4 +1,4 @@
-"""The example scenes of material points; python -m tools.scenes writes them."""
+"""The example scenes of material points, grains and fluids by constraints; python -m tools.scenes writes them."""
 
 import numpy as np
 
@@ -143,5 +143,114 @@ def upright(x: float, y: float, z: float) -> str:
     return 'uniform token axis = "Y"\n' + moved(x, y, z)
 
 
+# grains and fluids by constraints
+
+BEADS = (("Blue", (0.06, 0.2, 0.5), (0.07, 0.36, 0.04), 0.011, 1.0),
+         ("Gold", (0.8, 0.5, 0.08), (-0.07, 0.36, 0.04), 0.009, 0.6),
+         ("White", (0.85, 0.85, 0.8), (0.0, 0.36, -0.08), 0.013, 1.4))      # name, colour, place, radius [m], rate [kg/s]
+
+
+def particles(kind: str, name: str, lines: str, color, comment: str = "", **values) -> str:
+    """A shape that particles fill or come from."""
+    text = (f'uniform token purpose = "guide"\n{lines}\ncolor3f[] primvars:displayColor = '
+            f"[({', '.join(number(c) for c in color)})]\n{said('Particles', 1.0, **values)}")
+    return block(kind, name, text, '["WsimParticlesAPI"]', comment)
+
+
+def cells_surface(breaks, solid_cells) -> str:
+    """Points and faces of the closed Mesh about cells of a grid. breaks: three lists of places [m]; solid_cells: a mask."""
+    full, faces, number_of = np.pad(np.asarray(solid_cells, bool), 1), [], {}
+    for cell in np.argwhere(full):
+        for axis in range(3):
+            for side in (0, 1):
+                beyond = cell + np.eye(3, dtype=int)[axis] * (2 * side - 1)
+                if not full[tuple(beyond)]:
+                    a, b = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
+                    first = cell - 1 + np.eye(3, dtype=int)[axis] * side
+                    ring = [first, first + a, first + a + b, first + b]
+                    faces.append([number_of.setdefault(tuple(p), len(number_of)) for p in (ring if side else ring[::-1])])
+    points = np.array([[breaks[k][p[k]] for k in range(3)] for p in number_of])
+    return (f"point3f[] points = {listed(points)}\nint[] faceVertexCounts = {listed(np.full(len(faces), 4))}\n"
+            f'int[] faceVertexIndices = {listed(np.concatenate(faces))}\nuniform token subdivisionScheme = "none"')
+
+
+def keyed(frames: int, place, tilt) -> str:
+    """A motion sampled each frame. place, tilt: functions of the time [s] -> (x, y, z) [m], angle about z [degrees]."""
+    moves = ",\n".join(f"    {k}: ({', '.join(number(v) for v in place(k / 24))})" for k in range(frames + 1))
+    turns = ",\n".join(f"    {k}: {number(tilt(k / 24))}" for k in range(frames + 1))
+    return (f"double3 xformOp:translate.timeSamples = {{\n{moves}\n}}\nfloat xformOp:rotateZ.timeSamples = {{\n{turns}\n}}\n"
+            'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ"]')
+
+
+def eased(time: float, begin: float, end: float) -> float:
+    """0 before, 1 behind, and a smooth step between two times [s]."""
+    s = min(max((time - begin) / (end - begin), 0.0), 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def sand_shovel() -> str:
+    """2000 grains of 18 mm; the shovel takes some 300 of them."""
+    t, length, wide, high = 0.004, 0.16, 0.09, 0.05
+    mask = np.ones((2, 2, 3), bool)
+    mask[1, 1, 1] = False
+    scoop = cells_surface(([-t, 0.0, length], [-t, 0.0, high], [-wide - t, -wide, wide, wide + t]), mask)
+    path = keyed(96, lambda s: (-0.42 + 0.27 * eased(s, 0.0, 2.2) - 0.04 * eased(s, 2.3, 4.0),
+                                t + 0.002 + 0.22 * eased(s, 2.1, 4.0), 0.0), lambda s: 18.0 * eased(s, 2.1, 3.5))
+    pile = particles("Cube", "Pile", placed((-0.14, 0.0, -0.18), (0.22, 0.14, 0.18)), (0.66, 0.48, 0.26), "Grains that fill a "
+                     "block, and slump. They are coarse: one sees each.", material="grains", radius=0.009,
+                     static_friction=0.45, dynamic_friction=0.45)
+    shovel = solid("Mesh", "Shovel", f"{scoop}\n{path}", (0.2, 0.26, 0.34), "A closed mesh with a floor and three walls, which "
+                   "keys move: it goes into the pile, tilts, and lifts what lies on it.")
+    return scene("A shovel goes into a pile of coarse sand, and lifts some of it.", [
+        settings(solver="xpbd", substeps=100, iterations=7, comment="Grains move in the sweeps of XPBD. The shovel presses "
+                 "them: few substeps would let them overlap."),
+        pile, shovel, solid("Cube", "Wall", placed((0.22, 0.0, -0.26), (0.25, 0.16, 0.26)), (0.5, 0.3, 0.24),
+                            "What the heap leans against."),
+        ground(), camera((0.42, 0.72, 0.78), 34.0, -36.0)], frames=96)
+
+
+def beads_in_bowl() -> str:
+    """Some 480 beads; all that falls stays in the bowl."""
+    bowl = lathe([(0.07, 0.0), (0.13, 0.02), (0.2, 0.09), (0.225, 0.17), (0.21, 0.175), (0.185, 0.1), (0.12, 0.035),
+                  (0.06, 0.016)], 40, closed=True)
+    pours = [particles("Sphere", name, "double radius = 0.05\n" + moved(*at), color, "" if k else "A ball from which beads "
+                       "come for two seconds. A result has them as Points beside it: Blue_drops.", material="grains",
+                       radius=radius, density=2500.0, static_friction=0.3, dynamic_friction=0.3, velocity=(0.0, -0.6, 0.0),
+                       pour_start=0.0, pour_end=48.0, pour_rate=rate)
+             for k, (name, color, at, radius, rate) in enumerate(BEADS)]
+    return scene("Beads of three sizes pour into a bowl, and stay in it.", [
+        settings(solver="xpbd", substeps=60, iterations=6, comment="Beads come down at 2.6 m/s: in a substep of 1/1440 s they "
+                 "go 2 mm, a fifth of a radius."),
+        *pours, solid("Mesh", "Bowl", bowl, (0.32, 0.36, 0.4), "A closed mesh, concave: beads lie within its hollow."),
+        ground(), camera((0.3, 0.66, 0.56), 28.2, -44.0)], frames=72)
+
+
+def two_waters() -> str:
+    """Columns of 0.3 x 0.4 x 0.16 m: particles of 2 cm by constraints, and a liquid of 4 cm cells with 8 in each."""
+    low, high, near = (-0.5, 0.0, -0.28), (0.5, 0.6, -0.12), (-0.5, 0.0, 0.08)
+    box = block("Cube", "Tank", f'uniform token purpose = "guide"\n{placed(low, high)}\n' + said("Liquid", 1.0, cell=0.04),
+                '["WsimLiquidDomainAPI"]', "Behind: a liquid on a grid.")
+    water = block("Cube", "Liquid", 'uniform token purpose = "guide"\n' + placed(low, (-0.2, 0.4, -0.12)),
+                  '["WsimLiquidSourceAPI"]', "What is full of it at the start.")
+    drops = block("Points", "Tank_drops", "color3f[] primvars:displayColor = [(0.1, 0.32, 0.6)]")
+    fluid = particles("Cube", "Fluid", placed(near, (-0.2, 0.4, 0.24)), (0.1, 0.45, 0.5), "In front: the same column as "
+                      "particles whose density constraints keep.", material="fluid", radius=0.01, viscosity=1e-3)
+    walls = [solid("Cube", name, 'uniform token purpose = "guide"\n' + placed(*ends)
+                   + "\nrel material:binding:physics = </World/Smooth>",
+                   comment="The tank of the particles." * (name == "Left"), apis=', "MaterialBindingAPI"')
+             for name, ends in (("Left", ((-0.6, -0.1, 0.0), (-0.5, 0.8, 0.32))),
+                                ("Right", ((0.5, -0.1, 0.0), (0.6, 0.8, 0.32))),
+                                ("Back", ((-0.6, -0.1, 0.0), (0.6, 0.8, 0.08))),
+                                ("Front", ((-0.6, -0.1, 0.24), (0.6, 0.8, 0.32))),
+                                ("Floor", ((-0.6, -0.1, 0.0), (0.6, 0.0, 0.32))))]
+    smooth = block("Material", "Smooth", "float physics:staticFriction = 0\nfloat physics:dynamicFriction = 0",
+                   '["PhysicsMaterialAPI"]')
+    return scene("Two columns of water break: one by constraints, one as a liquid on a grid.", [
+        settings(solver="xpbd", substeps=16, iterations=4, comment="Sixteen substeps of 1/24 s for the particles; the liquid "
+                 "chooses its own."), box, water, drops, fluid, smooth, *walls,
+        camera((0.3, 0.75, 1.5), 11.0, -19.0)], frames=36)
+
+
 GRAIN_SCENES = {"snowball": snowball, "jelly_cubes": jelly_cubes, "hourglass": hourglass,
-                "sand_castle": sand_castle, "sand_on_cloth": sand_on_cloth}
+                "sand_castle": sand_castle, "sand_on_cloth": sand_on_cloth, "sand_shovel": sand_shovel,
+                "beads_in_bowl": beads_in_bowl, "two_waters": two_waters}

@@ -69,7 +69,8 @@ def _unmet_objects(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
     for thing in (*scene.bodies(), *scene.things("Body")):
         bare = not getattr(thing, "has_surface", True)
         if bare or not meets_bodies(fluid):
-            why = ("a net, which has no surface" if bare else
+            kind = "made of particles" if getattr(thing, "is_particles", False) else "a net"
+            why = (f"{kind}, which has no surface" if bare else
                    "solved directly" if fluid.pressure == "direct" else "solved in a part")
             yield object_warning(fluid.path, f"{thing.path} passes through its air, as it is {why}",
                                  "cloth, soft and rigid bodies in air that is solved by multigrid, all of it",

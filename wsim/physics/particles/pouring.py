@@ -12,7 +12,7 @@ particle each d: the greatest rate is m |u| columns / d, which is what comes whe
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import floor, inf
+from math import ceil, floor, inf
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from wsim.scene.solids import shape_row
 WITHIN = 0.96            # of a column's width, over which particles that may overlap are spread
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
 MOST_PLACES = 3e7        # of the lattice about a shape: some 2 GB while it is looked at
+SPARSE, TRIES = 0.5, 8   # see `_scatter_apart`
 LOOKS = 4                # times a frame at which a motion is evaluated; it is linear between
 
 
@@ -124,17 +125,36 @@ class PouringShape:
         length = min(self.pour.end, time) - self.pour.start
         return max(0, floor(length / self.interval + 0.5)) if length < inf else 0
 
-    def _scatter(self, k: np.ndarray) -> np.ndarray:
+    def _scatter(self, k: np.ndarray, within: float | None = None) -> np.ndarray:
         """Ways across the columns (n, 3) [m], own frame, up to half a column: else grains of a column would fall on each other
         and run in rows. Points of the plane that fill it evenly: multiples of powers of the plastic number (Roberts 2018)."""
-        across = velocity_axes(self.velocity)[:, :2]
-        return self.within * self.edge * (np.modf(0.5 + np.outer(k, EVENLY))[0] - 0.5) @ across.T
+        across, within = velocity_axes(self.velocity)[:, :2], self.within if within is None else within
+        return within * self.edge * (np.modf(0.5 + np.outer(k, EVENLY))[0] - 0.5) @ across.T
+
+    def _scatter_apart(self, count: int) -> np.ndarray:
+        """Ways across the columns (count, 3) [m], own frame, of particles that may not overlap: each goes as far to the side as
+        others do that may, of TRIES places to the first where it touches none before it, else to the one farthest off them.
+        Above SPARSE of the greatest rate there is no room for that: all keep to the lattice."""
+        k, apart = np.arange(count), self.edge * (1.0 - self.within)               # apart: diameter
+        way = self.interval * float(np.linalg.norm(self.velocity))                 # from one to the next
+        if way * len(self.places) * SPARSE < self.edge:
+            return self._scatter(k)
+        wide = self._scatter(np.arange(count * TRIES), WITHIN).reshape(count, TRIES, 3)
+        places, near = self.places[k % len(self.places)], ceil(apart / way)
+        u, found = self.velocity / np.linalg.norm(self.velocity), np.zeros((count, 3))
+        for j in range(count):
+            before = found[max(j - near, 0):j] + u * (way * np.arange(min(near, j), 0, -1))[:, None]
+            gaps = np.linalg.norm(before[None] - (places[j] + wide[j])[:, None], axis=2).min(axis=1, initial=np.inf)
+            free = gaps > apart
+            found[j] = places[j] + wide[j, int(np.argmax(free)) if free.any() else int(np.argmax(gaps))]
+        return found - places
 
     def pour_points(self, first: int, last: int, fps: float) -> PouredPoints:
         """Particles first to last - 1 of all that come."""
         k, thing = np.arange(first, last), self.thing
         t = self.pour.start + (k + 0.5) * self.interval
-        q = self.places[k % len(self.places)] + self._scatter(k)
+        scatter = self._scatter(k) if self.within == WITHIN else self._scatter_apart(last)[first:]
+        q = self.places[k % len(self.places)] + scatter
         look = t * fps * LOOKS
         at, part = np.floor(look).astype(np.int64), (look - np.floor(look))[:, None]
         times, which = np.unique(at, return_inverse=True)

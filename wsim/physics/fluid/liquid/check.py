@@ -1,6 +1,7 @@
 """What can be wrong with a liquid and its sources. NumPy only."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def _check_liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
     if 0 < liquid.tolerance < 1e-7:
         yield object_warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                              "give a larger one, or float64")
-    for cloth in scene.bodies():
+    for cloth in (body for body in scene.bodies() if not (body.is_particles and _stays_outside(liquid, body))):
         does = "moves it, and does not feel it" if cloth.has_surface else "passes through it"
         if scene.things("Body") and cloth.has_surface:
             does += " (where it moves fast some liquid passes it, since there are rigid bodies too)"
@@ -45,6 +46,12 @@ def _check_liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
                              "push them", "rigid bodies, which do feel it",
                              "go on where that is enough, else make it a rigid body")
         break
+
+
+def _stays_outside(liquid: Liquid, particles: Any) -> bool:
+    """Whether particles begin outside of the box."""
+    x = particles.placed_points()
+    return not ((x > liquid.low) & (x < liquid.high)).all(axis=1).any()
 
 
 def _check_liquid_cells(liquid: Liquid) -> Iterator[Problem]:
