@@ -210,8 +210,9 @@ def density_func(real):
         square = real(0.0)
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            e, r = normal(x - f.y[other] - moved * f.u[other], k, other)
-            if r < H:
+            way = x - f.y[other] - moved * f.u[other]
+            if wp.length_sq(way) < H * H:
+                e, r = normal(way, k, other)
                 total += kernel_weight(r, H)
                 slope = kernel_slope(r, H)
                 G += slope * e
@@ -257,11 +258,14 @@ def fluid_push_kernel(real, module):
         own = f.change[k]
         move = own * f.push[k]
         apart = t.vec3()
+        near = real(NEAREST * NEAREST) * f.d * f.d
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            e, r = normal(x - f.y[other] - f.u[other], k, other)
-            if r < H:
-                move += ((own + f.change[other]) * kernel_slope(r, H)) * e
+            both = own + f.change[other]
+            way = x - f.y[other] - f.u[other]
+            if wp.length_sq(way) < wp.where(both != real(0.0), H * H, near):
+                e, r = normal(way, k, other)
+                move += (both * kernel_slope(r, H)) * e
                 apart += wp.max(real(NEAREST) * f.d - r, real(0.0)) * e
         i = rows.point[c.order[k]]
         if f.w[i] > real(0.0):

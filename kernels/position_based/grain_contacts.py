@@ -254,9 +254,11 @@ def force_kernel(real, module):
             if q.support[s * q.size + k] == -1:              # what it holds has answered alone, and knows
                 other = q.other[s * q.size + k]
                 L = t.vec3()
-                for e in range(q.count[other]):
-                    if q.other[e * q.size + other] == k:
-                        L = -q.L[e * q.size + other]
+                e = int(0)
+                while e < q.count[other] and q.id[e * q.size + other] < p:
+                    e += 1
+                if e < q.count[other] and q.id[e * q.size + other] == p:
+                    L = -q.L[e * q.size + other]
                 q.L[s * q.size + k] = L
             if wp.length_sq(L) > real(0.0):
                 after.id[m * q.size + p] = q.id[s * q.size + k]

@@ -227,17 +227,25 @@ def list_kernel(real, module):
         y0 = int(wp.floor(q[1]))
         z0 = int(wp.floor(q[2]))
         far = rows.reach[p] + c.skin
+        farthest = c.edge * c.edge                       # of the largest ones
         group = rows.group[p]
         m = int(0)
-        for a in range(27):
-            cell = number(c, x0 + a % 3 - 1, y0 + (a // 3) % 3 - 1, z0 + a // 9 - 1, rows.world[p])
-            for other in range(c.first[cell], c.first[cell + 1]):
-                o = c.order[other]
-                way = far + rows.reach[o]
-                if other != k and wp.length_sq(c.near[other] - y) < way * way and (group < 0 or rows.group[o] != group):
-                    if m < lists.room:
-                        lists.other[m * lists.size + k] = other
-                    m += 1
+        for a in range(9):
+            low = number(c, x0 - 1, y0 + a % 3 - 1, z0 + a // 3 - 1, rows.world[p])
+            high = number(c, x0 + 1, y0 + a % 3 - 1, z0 + a // 3 - 1, rows.world[p])
+            runs = wp.where(high == low + 2, 1, 3)       # cells in a row stand one behind the other, but at the box's ends
+            for b in range(runs):
+                if runs == 3:
+                    low = number(c, x0 + b - 1, y0 + a % 3 - 1, z0 + a // 3 - 1, rows.world[p])
+                    high = int(low)
+                for other in range(c.first[low], c.first[high + 1]):
+                    if other != k and wp.length_sq(c.near[other] - y) < farthest:
+                        o = c.order[other]
+                        way = far + rows.reach[o]
+                        if wp.length_sq(c.near[other] - y) < way * way and (group < 0 or rows.group[o] != group):
+                            if m < lists.room:
+                                lists.other[m * lists.size + k] = other
+                            m += 1
         lists.count[k] = wp.min(m, lists.room)
         if m > lists.room:
             wp.atomic_max(lists.wanted, 0, m)
