@@ -58,6 +58,7 @@ def surface_type(real):
         body: wp.array(dtype=int)                 # negative: of a collider; from STRANDS on: a strand
         world: wp.array(dtype=int)
         role: wp.array(dtype=int)                 # OWN, MET, BALL
+        there: wp.array(dtype=int)                # 1: the ball is there; empty: all are
         beta: t.scalar                            # least radius of tubes [m]
         longest: t.scalar                         # that they lead ahead by, at most [m]
         tied: int                                 # 1: bodies share points, and `rest` is where they start
@@ -222,3 +223,32 @@ def settle_sums(real, module):
             d_out[i] = add(d[i], done, i, to)
 
     return add_sums
+
+
+@cache
+def absent_ball_func(real):
+    """Function (s, k): whether point k is a ball that is not there."""
+    Surfaces = surface_type(real)
+
+    @wp.func
+    def is_absent_ball(s: Surfaces, k: int):
+        if not s.there:
+            return False
+        return s.role[k] == BALL and s.there[k] != 1
+
+    return is_absent_ball
+
+
+@cache
+def presence_kernel(module):
+    """Kernel over balls: where one has come or gone since `known`, the list is made anew. there: by place."""
+    @wp.kernel(module=module, enable_backward=False)
+    def watch_presence(balls: wp.array(dtype=int), there: wp.array(dtype=int), known: wp.array(dtype=int),
+                       words: wp.array(dtype=int)):
+        j = wp.tid()
+        now = there[balls[j]]
+        if now != known[j]:
+            known[j] = now
+            words[SOON] = 1
+
+    return watch_presence

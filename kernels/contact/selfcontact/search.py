@@ -30,7 +30,7 @@ def pair_append_func(real):
     """Function: appends a pair to the list, if it may come near enough."""
     t = types(real)
     Surfaces, Frames, Pairs = pairs.surface_type(real), frame_type(real), pairs.pair_type(real)
-    weights, gap = closest.closest_weights(real), closest.pair_gap_func(real)
+    weights, gap, absent = closest.closest_weights(real), closest.pair_gap_func(real), pairs.absent_ball_func(real)
 
     @wp.func
     def way_between_closest(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
@@ -56,7 +56,7 @@ def pair_append_func(real):
         b = s.body[o]
         if kind == closest.EDGES and wp.min(b, s.body[j]) >= pairs.STRANDS:
             keep = real(0.0)
-        if kind == closest.POINT and s.role[i] == pairs.MET and s.role[o] != pairs.BALL:
+        if kind == closest.POINT and s.role[i] == pairs.MET and s.role[o] != pairs.BALL or absent(s, o) or absent(s, j):
             return
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
         c = f.start[o]

@@ -9,7 +9,7 @@ import wsim
 from wsim import Bulk, Fabric, shapes
 from wsim.geometry.tetra.tets import tet_surface_triangles
 from wsim.geometry.triangulate import triangulate_polygons
-from wsim.physics.position_based.objects import Grains
+from wsim.physics.position_based.objects import Grains, Pour
 from wsim.scene import Scene
 
 R = 0.01
@@ -150,3 +150,18 @@ def test_two_runs_and_a_reset_have_the_same_bits(partner):
     second.reset()
     second.run(6)
     assert np.array_equal(first.positions("/p"), second.positions("/p"))
+
+
+def test_a_cloth_flies_through_where_grains_have_not_come_yet_and_meets_those_that_have():
+    def run(start):
+        scene = Scene(fps=60, frames=24, substeps=4, iterations=4, gravity=(0, 0, 0))
+        points, counts, indices = shapes.sheet(0.1, 0.1, 4, 4, horizontal=True)
+        scene.cloth("/cloth", points + [0, -0.1, 0], counts, indices, material=Fabric(500.0, thickness=0.002, density=500.0),
+                    velocities=np.tile([0.0, 1.0, 0.0], (25, 1)))
+        scene.particles("/spout", wsim.Sphere(0.02), radius=0.005, velocity=(0, 0.2, 0), pour=Pour(start, start + 0.1))
+        simulation = wsim.Simulation(scene, device="cpu")
+        simulation.run(20)
+        return simulation
+    late, early = run(0.35), run(0.0)
+    assert np.allclose(late.velocities("/cloth"), [0.0, 1.0, 0.0], atol=1e-5)
+    assert early.velocities("/cloth")[:, 1].min() < 0.9 and early.velocities("/spout")[:, 1].max() > 0.1

@@ -71,7 +71,7 @@ class SurfaceFreeFlight:
         """The form that a frame takes first; colliders have had their say."""
         o, self.vain = self.method.obstacles, False
         apart = self.wait == 0 and not clock.starting and not (o and o.moves)      # straight ways are not those of what turns
-        apart = apart and not self.method.strands                            # whose substeps these are
+        apart = apart and not (self.method.strands or self.method.arrivals)  # whose substeps these are, who come among surfaces
         contact = self.model.scene.colliders
         clock.free = apart and (clock.free or not contact)
         if self.whole:

@@ -58,7 +58,7 @@ class SelfContactMethod(Method):
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.ContactMethod`
         self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.RestitutionStage`
         self.solved: Any = None          # `rows.newton_rows.NewtonContactRows`, where Newton's method solves for rows
-        self.start: Any = None           # e where substeps begin, if bodies change it for a memory
+        self.start = self.arrivals = None    # type: Any   # e where substeps begin, if bodies change it; balls that come and go
         self.prolonged = getattr(b.ports.contact, "prolonged", None)
         b.status.reserve(SAID, step_clamp.SAID)
         self.fast = fast.SubstepShortening(b.model, b.clock)
@@ -82,15 +82,16 @@ class SelfContactMethod(Method):
         self.nearer, self.further = rows.near_pair_flag_kernel(real, module), rows.sweep_count_kernel(module)
         self.sweeper = SurfaceSweeps(self, turns)
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
-        if self.obstacles:
-            what += f"; {len(self.obstacles.triangles)} triangles are colliders'"
-        if self.strands:
-            what += f"; {len(self.strands.edges)} edges are strands'"
+        for owner, each, name in ((self.obstacles, "triangles", "colliders"), (self.strands, "edges", "strands")):
+            what += f"; {len(getattr(owner, each))} {each} are {name}'" if owner else ""
         self.stages = [Stage("near pairs", "collide", self.find, 1, 0, what=what),
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
             stage.frames = MET
+        if b.ports.arrivals and len(self.surfaces.balls):
+            from wsim.physics.contact.selfcontact.rows.presence import BallPresence
+            self.arrivals = BallPresence(self, b.ports.arrivals)
         self.settle = self._settle()
         self.apart = SurfaceFreeFlight(self, b, module)
         self.stages += self.apart.stages
@@ -144,6 +145,8 @@ class SelfContactMethod(Method):
             self.obstacles.move(clock)
         if self.strands:
             self.strands.lend()
+        if self.arrivals:
+            self.arrivals.update()
         self.borrow(begins=True)
         at = self.settle.expected(clock)
         wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(at, begins=1))
@@ -168,9 +171,8 @@ class SelfContactMethod(Method):
         """Sweeps, if there are pairs: one launch sees that there are none faster than a condition."""
         import warp as wp
         if self.sweeper.fits():
-            self.sweep(clock, count)
-        else:
-            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, count))
+            return self.sweep(clock, count)
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, count))
 
     @property
     def going(self) -> bool:
@@ -179,12 +181,11 @@ class SelfContactMethod(Method):
 
     def look(self, clock: Clock, first: int) -> None:
         """Launches the test whether sweeps go on; before the first, no word says so."""
-        near = self.near
         self.borrow()
         if not first:
-            near.word(pairs.NEARER).zero_()
-        inputs = [self.at(), rows.RECOVERY * clock.h, first, near.threads, near.table]
-        self.model.launch(self.nearer, near.threads, inputs, [near.words])
+            self.near.word(pairs.NEARER).zero_()
+        inputs = [self.at(), rows.RECOVERY * clock.h, first, self.near.threads, self.near.table]
+        self.model.launch(self.nearer, self.near.threads, inputs, [self.near.words])
         if not first:
             self.go_on()
 
@@ -275,8 +276,7 @@ class SelfContactMethod(Method):
 
     def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)
-        self.total += said
-        self.run = max(self.run, int(said[step_clamp.RUN]))
+        self.total, self.run = self.total + said, max(self.run, int(said[step_clamp.RUN]))
         self.near.running = int(said[step_clamp.RUNNING])
         moved, taken = said[[step_clamp.MOVED, step_clamp.TAKEN]].astype(np.int32).view(np.float32)
         self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
