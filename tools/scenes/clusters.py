@@ -57,7 +57,7 @@ def jelly_clusters_on_cloth() -> str:
     cube, quads = lattice(4, 0.22)
     ball, faces = lattice(5, 0.26)
     return scene("Two jellies and a rigid die fall on a cloth, and keep their shape by shape matching.", [
-        settings(solver="xpbd", substeps=24, iterations=6, comment="Sweeps: clusters are projected among the constraints of "
+        settings(solver="xpbd", substeps=72, iterations=6, comment="Sweeps: clusters are projected among the constraints of "
                  "the cloth."),
         material("sailcloth", damping=1e-3),
         cloth("Cloth", (points, *surface[1:]), "sailcloth", (0.16, 0.26, 0.42), "1.3 m square, held at its corners. "
@@ -65,9 +65,9 @@ def jelly_clusters_on_cloth() -> str:
         block("Xform", "Posts", ""),
         pin("Corners", "/World/Cloth", corners, "/World/Posts", "Three points of each corner."),
         body("Jelly", turned(cube, (1, 0.3, 0.5), 0.7) + [-0.2, 1.0, 0.05], quads, (0.72, 0.08, 0.07), 0.5,
-             "Eight clusters that overlap: it bends, and wobbles at up to 10 Hz.", stiffness=4e3, damping=0.004, spacing=0.12),
+             "Eight clusters that overlap: it bends, and wobbles at up to 10 Hz.", stiffness=4e3, damping=0.002, spacing=0.12),
         body("Ball", rounded(ball, 1.0) + [0.16, 1.12, -0.04], faces, (0.1, 0.5, 0.16), 0.4,
-             "One cluster of all points: it stretches as a whole.", stiffness=2.5e3, damping=0.004),
+             "One cluster of all points: it stretches as a whole.", stiffness=2.5e3, damping=0.002),
         body("Die", turned(rounded(cube, 0.15) * 0.8, (0.2, 1.0, 0.6), 0.9) + [-0.02, 1.5, 0.0], quads, (0.85, 0.8, 0.68), 0.4,
              "A rigid cluster.", rigid=True),
         ground(), camera((1.2, 1.5, 1.55), 37.5, -29.0)], frames=72)
