@@ -87,6 +87,7 @@ from wsim.scene.methods import (
 # jelly (tools/results/material_points.md); implicit sand of 512 and 4096 (CPU), of 221k and 1.8M (H200, by 100 sweeps)
 # rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
 # their frames in the mean; H200: 100 and 10000 hairs (3 to 15 ms by 4), 4 ropes under a box and 64 under 16 (60 and 91 ms by 4)
+# matched to spun: CPU, 100 cubes of 125 points by 8 x 4 and 8 x 16, and one of 125; H200, tools/results/position_based.md
 COSTS = {kind: {"body": body} | {name: each for row in METHODS if row.cost for name, each in getattr(row.cost, kind).items()}
          for kind, body in (("cuda", 1e-8), ("cpu", 1e-6))}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
@@ -219,7 +220,8 @@ def count_frame_of_choice(model: Model, choice) -> dict[str, float]:
     counts = {row.name: row.cost.counts for row in METHODS if row.cost}
     steps = choice.iterations if choice.solver == "implicit" and has_tets(model.scene) else 0
     found = counts.get(choice.solver, count_sweeps_choice)(model, choice)
-    return found | _count_other_objects(model, choice.substeps, choice.substeps * steps)
+    clusters = counts["shape_matching"](model, choice) if any(b.is_cluster for b in model.scene.bodies()) else {}
+    return found | clusters | _count_other_objects(model, choice.substeps, choice.substeps * steps)
 
 
 def count_explicit_choice(model: Model, choice) -> dict[str, float]:

@@ -44,6 +44,8 @@ def cluster_damping_kernel(real, module):
         c = begin + wp.tid() // wp.block_dim()
         lane = wp.tid() % wp.block_dim()
         one = wp.float64(1.0)
+        if s.kappa[c] == wp.float64(0.0) or tau[c] <= wp.float64(0.0):         # its whole block goes
+            return
         X = wp.mat44d()
         V = wp.mat44d()
         for j in range(s.first[c] + lane, s.first[c + 1], wp.block_dim()):
@@ -53,14 +55,13 @@ def cluster_damping_kernel(real, module):
             V += shape.moment(shape.double_vector(v_out[s.point[j]]), y, m)
         X = shape.block_matrix_sum(X)
         V = shape.block_matrix_sum(V)
-        if s.kappa[c] > wp.float64(0.0) and tau[c] > wp.float64(0.0):
-            centre, mean, omega = rigid_motion(X, V)
-            keep = one / (one + h * tau[c] / s.kappa[c])
-            for j in range(s.first[c] + lane, s.first[c + 1], wp.block_dim()):
-                p = s.point[j]
-                if s.w[p] > real(0.0):
-                    u = mean + wp.cross(omega, shape.double_vector(x[p]) - centre)
-                    u = u + keep * (shape.double_vector(v_out[p]) - u)
-                    v_out[p] = t.vec3(real(u[0]), real(u[1]), real(u[2]))
+        centre, mean, omega = rigid_motion(X, V)
+        keep = one / (one + h * tau[c] / s.kappa[c])
+        for j in range(s.first[c] + lane, s.first[c + 1], wp.block_dim()):
+            p = s.point[j]
+            if s.w[p] > real(0.0):
+                u = mean + wp.cross(omega, shape.double_vector(x[p]) - centre)
+                u = u + keep * (shape.double_vector(v_out[p]) - u)
+                v_out[p] = t.vec3(real(u[0]), real(u[1]), real(u[2]))
 
     return wp.kernel(damp_clusters, name=f"damp_clusters_{t.name}", module=module, enable_backward=False, grid_stride=False)

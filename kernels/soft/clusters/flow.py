@@ -80,6 +80,10 @@ def cluster_energy_kernel(real, module):
                          pose: Poses, found: wp.array(dtype=wp.vec3d)):
         c = wp.tid() // wp.block_dim()
         lane = wp.tid() - c * wp.block_dim()
+        if s.kappa[c] == wp.float64(0.0):                # rigid: it stores nothing. Its whole block goes
+            if lane == 0:
+                found[c] = wp.vec3d()
+            return
         T = wp.mat44d()
         for j in range(s.first[c] + lane, s.first[c + 1], wp.block_dim()):
             T += shape.moment(free_place(s, j, x, e, lam), shape.double_vector(s.rest[j]), member_mass(s, j, c))
@@ -93,10 +97,7 @@ def cluster_energy_kernel(real, module):
         T[0, 0] = sum
         T = shape.block_matrix_sum(T)
         if lane == 0:
-            U = wp.float64(0.0)
-            if s.kappa[c] > wp.float64(0.0):
-                U = wp.float64(0.5) * T[0, 0] / s.kappa[c]
-            found[c] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), U)
+            found[c] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.5) * T[0, 0] / s.kappa[c])
 
     return wp.kernel(measure_clusters, name=f"measure_clusters_{t.name}", module=module, enable_backward=False,
                      grid_stride=False)

@@ -10,6 +10,7 @@ from wsim.physics.rods.objects import LEAST, Rods, segment_ends, strand_neighbou
 from wsim.scene import Collider, Motion, Pin, Problem, Scene, Surface
 from wsim.scene.attachments import body_ties
 from wsim.scene.check.objects import NEAR, check_number, object_warning, thing_error, three_digits
+from wsim.scene.nodal.touching import collides_with_surfaces
 
 STOUT = 1.0           # length over diameter of an edge below which a strand is no thin rod
 ACROSS = 1e-5         # sine of the angle to its edge below which rounding of float32 says where a director points
@@ -54,7 +55,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
                                  "meshes that are still or animated", "give the joints keys")
     if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
         yield object_warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
-    through = [b.path for b in scene.bodies() if not (rods.self_collision and getattr(b, "self_collision", False))]
+    through = [b.path for b in scene.bodies() if not (rods.self_collision and collides_with_surfaces(b, scene))]
     if through:
         yield object_warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
                              "colliders, rigid bodies, or cloth and soft bodies that collide as strands do",

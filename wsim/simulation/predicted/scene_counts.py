@@ -8,8 +8,21 @@ import numpy as np
 from wsim.scene import Scene, Surface
 from wsim.scene.solids import shape_row
 
+COLOURS = 8            # of clusters that overlap, by cubes
 # seconds of a particle on a CPU by its law, over those of a row's cost: what a law needs of principal stretches (tools/results)
 LAW_WEIGHT = {"neo_hookean": 0.6, "corotational": 1.0, "snow": 1.1, "sand": 1.25}
+
+
+def count_clusters(model, choice) -> dict[str, float]:
+    """Projections of colours and of members, and substeps of members, of shape matching by a choice; of all worlds."""
+    found = {"matched": 0.0, "member": 0.0, "spun": 0.0}
+    for body in (body for body in model.scene.bodies() if body.is_cluster):
+        sizes = [len(group) for group in body.groups]
+        colours = 1 if sum(sizes) <= len(body.points) else min(len(sizes), COLOURS)
+        found["matched"] = max(found["matched"], choice.substeps * choice.iterations * colours)
+        found["member"] += choice.substeps * choice.iterations * sum(sizes) * model.worlds
+        found["spun"] += choice.substeps * sum(sizes) * model.worlds
+    return found
 
 
 def count_rigid(scene: Scene, n: int, chained: bool) -> dict[str, float]:
