@@ -124,8 +124,9 @@ def overlap(simulation: wsim.Simulation, partner: str) -> float:
         return (R + 0.004 - sampled_distance(p, np.stack([a, b, b], axis=1))) / R
     x, thing = simulation.positions("/other").astype(float), simulation.scene.bodies()[0]
     if partner in ("net", "cloud"):
-        radius = next(m for m in simulation.plan.methods if m.name == "grains").search.rows.reach.numpy()
-        return (R + float(radius.max()) - min(float(np.linalg.norm(x - q, axis=1).min()) for q in p)) / R
+        grains = next(m for m in simulation.plan.methods if m.name == "grains")
+        first = sum(body.count for body in grains.bodies[:[body.path for body in grains.bodies].index("/other")])
+        return (R + float(grains.search.rows.reach.numpy()[first]) - min(float(np.linalg.norm(x - q, axis=1).min()) for q in p)) / R
     thing = next(body for body in simulation.scene.bodies() if body.path == "/other")
     corners = x[triangulate_polygons(thing.points, *thing.surface_faces())[0]]
     half = float(simulation.plan.method("selfcontact").surfaces.reach[simulation.model.body("/other").first])

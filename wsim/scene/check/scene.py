@@ -257,7 +257,8 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
         for tie in scene.ties:                    # what hangs on another is held as well as that is
             if path in (tie.body, tie.other):
                 held[tie.points if tie.body == path else tie.others] = True
-        if falls and not held.any() and not has_collisions(scene):
+        lands = has_collisions(scene) or body.meets_as_balls and any(not other.meets_as_balls for other in scene.bodies())
+        if falls and not held.any() and not lands:
             yield object_warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                                  "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
         pieces = np.unique(label[label >= 0])
