@@ -165,3 +165,21 @@ def test_a_cloth_flies_through_where_grains_have_not_come_yet_and_meets_those_th
     late, early = run(0.35), run(0.0)
     assert np.allclose(late.velocities("/cloth"), [0.0, 1.0, 0.0], atol=1e-5)
     assert early.velocities("/cloth")[:, 1].min() < 0.9 and early.velocities("/spout")[:, 1].max() > 0.1
+
+
+@pytest.mark.parametrize("partner", ["cloth", "rods"])
+def test_a_hundred_grains_in_one_place_beside_others_go_on_from_a_file_to_the_bit(partner):
+    """They touch a hundred others each, for which there is no room at first; all stay finite, and are told of."""
+    def crowd():
+        scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
+        scene.particles("/p", points=np.tile([0.003, 0.03, 0.002], (100, 1)), radius=R,
+                        velocities=np.tile([0.05, -1.0, 0.1], (100, 1)))
+        add_partner(scene, partner)
+        return wsim.Simulation(scene, device="cpu")
+    first, second, third = crowd(), crowd(), crowd()
+    first.run(6)
+    second.run(3)
+    third.restart(3, {path: second.fields(path) for path in second.state.paths()})
+    third.run(3)
+    assert np.isfinite(first.positions("/p")).all() and np.array_equal(first.positions("/p"), third.positions("/p"))
+    assert any("grains overlap" in str(w) for w in first.warnings)

@@ -126,7 +126,8 @@ def overlap(simulation: wsim.Simulation, partner: str) -> float:
     if partner in ("net", "cloud"):
         grains = next(m for m in simulation.plan.methods if m.name == "grains")
         first = sum(body.count for body in grains.bodies[:[body.path for body in grains.bodies].index("/other")])
-        return (R + float(grains.search.rows.reach.numpy()[first]) - min(float(np.linalg.norm(x - q, axis=1).min()) for q in p)) / R
+        near = min(float(np.linalg.norm(x - q, axis=1).min()) for q in p)
+        return (R + float(grains.search.rows.reach.numpy()[first]) - near) / R
     thing = next(body for body in simulation.scene.bodies() if body.path == "/other")
     corners = x[triangulate_polygons(thing.points, *thing.surface_faces())[0]]
     half = float(simulation.plan.method("selfcontact").surfaces.reach[simulation.model.body("/other").first])

@@ -143,6 +143,12 @@ class GrainContacts(Method):
 
     # around a frame
 
+    def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """Room for as many contacts as an earlier run had."""
+        rooms = [len(own["id"]) // body.count for body in self.bodies if "id" in (own := fields.get(body.path, {}))]
+        if rooms and max(rooms) > self.touched.room:
+            self._make_contacts(max(rooms))
+
     def find_remedies(self, status: FrameStatus) -> list[Remedy]:
         near, touched = int(status.said(NEAR_WORD)[0]), int(status.said(TOUCH_WORD)[0])
 
