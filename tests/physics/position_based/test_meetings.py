@@ -99,26 +99,26 @@ def test_a_grain_lies_on_a_cloth_and_not_above_it(collides):
     assert np.abs(simulation.velocities("/p")).max() < 0.02
 
 
-def test_a_light_cloth_bears_heavy_grains_by_newton_steps():
-    """Grains 30 and 3000 times as heavy as points of the cloth hang as deep, to a tenth: the load is theirs alone."""
+def test_a_light_cloth_bears_a_heavy_grain_by_newton_steps():
+    """A grain 40 and 4000 times as heavy as a point of the cloth hangs as deep, to a tenth: the load is its own alone."""
     depth = []
     for density in (500.0, 5.0):
-        scene = Scene(fps=60, substeps=8, iterations=4, solver="auto" if density < 10.0 else "implicit")
-        cloth = scene.cloth("/cloth", *shapes.sheet(0.2, 0.2, 8, 8, horizontal=True),
+        scene = Scene(fps=60, substeps=8, iterations=2, solver="auto" if density < 10.0 else "implicit")
+        cloth = scene.cloth("/cloth", *shapes.sheet(0.1, 0.1, 5, 5, horizontal=True),
                             material=Fabric(2000.0, thickness=0.002, density=density, damping=0.004))
-        scene.pin("/pin", cloth, np.flatnonzero(np.abs(np.asarray(cloth.points)[:, [0, 2]]).max(axis=1) > 0.099))
-        scene.particles("/p", points=[[0.01 + 0.021 * i, 0.013, 0.002] for i in range(-2, 2)], radius=R)
+        scene.pin("/pin", cloth, np.flatnonzero(np.abs(np.asarray(cloth.points)[:, [0, 2]]).max(axis=1) > 0.049))
+        scene.particles("/p", points=[[0.003, 0.012, 0.002]], radius=R)
         simulation = wsim.Simulation(scene, device="cpu")
         assert simulation.plan.choice.solver == "implicit"
-        simulation.run(60)
+        simulation.run(24)
         depth.append(float(simulation.positions("/cloth")[:, 1].min()))
-    assert abs(depth[1] / depth[0] - 1.0) < 0.1 and depth[1] > -0.02
+    assert abs(depth[1] / depth[0] - 1.0) < 0.1 and -0.01 < depth[1] < -0.002
 
 
-@pytest.mark.parametrize("partner", ["cloth", "soft", "clusters"])
+@pytest.mark.parametrize("partner", ["cloth", pytest.param("soft", marks=pytest.mark.slow), "clusters"])
 def test_no_grain_of_a_hundred_diameters_a_substep_passes_a_surface(partner):
     simulation = throw(partner, "grains", 100 * 2 * R * 480, 1)
-    simulation.run(2)
+    simulation.step()
     x, v = simulation.positions("/p"), simulation.velocities("/p")
     assert np.isfinite(x).all() and np.isfinite(simulation.positions("/other")).all()
     assert v[0, 1] > -0.9 * 960.0                                                   # it was stopped, or carries the other along
