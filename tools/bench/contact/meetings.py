@@ -1,4 +1,4 @@
-"""Particles and what they meet: python -m tools.bench.soft.meetings [--json FILE] [PARTNER ...]
+"""Particles and what they meet: python -m tools.bench.contact.meetings [--json FILE] [PARTNER ...]
 
 A row for each kind of particle and partner, of two runs on a CPU. Free: 8 particles of 1 cm hit what is free, at 1 m/s, without
 gravity and friction; 10 frames of 8 substeps of 4 iterations. dP: change of the sum of momentum over that of the particles;
