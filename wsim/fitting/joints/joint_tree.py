@@ -3,6 +3,7 @@ kernels/rigid/joint/inverse."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ class JointTree:
 
     scene    a `Scene`, the path of a USD file, or a `Usd.Stage`; only its bodies and joints count
     device   "cpu", "cuda:0", ...; None takes the GPU if there is one
-    Raises SceneError where its joints form no trees: a loop, a joint that may break, an anchor that moves.
+    Raises SceneError where its joints form no trees: a loop, a drive along a distance.
     """
 
     def __init__(self, scene, device=None):
@@ -116,10 +117,10 @@ class JointTree:
 
 
 def bare_tree_scene(scene: Scene) -> Scene:
-    """The bodies and joints of a scene, without what they touch."""
+    """The bodies and joints of a scene, without what they touch; no joint breaks."""
     if not [joint for joint in scene.things("Joint") if joint.enabled]:
         raise SceneError(Problem(scene.source or "/", "has no joints; a tree of joints has one at least"))
     bodies = [replace(body, asleep=False, colliders=[replace(c, meets=False) for c in body.colliders])
               for body in scene.things("Body")]
     return Scene(gravity=scene.gravity, up=scene.up, fps=scene.fps, coordinates="reduced", source=scene.source,
-                 objects={"Body": bodies, "Joint": list(scene.things("Joint"))})
+                 objects={"Body": bodies, "Joint": [replace(j, force=inf, torque=inf) for j in scene.things("Joint")]})

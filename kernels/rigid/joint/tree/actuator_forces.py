@@ -18,10 +18,10 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 
 @wp.func
 def is_actuated(j: int, r: int, J: Linked):
-    """Whether row r of joint j has an actuator; j: -1 for a free body."""
+    """Whether row r of joint j has an actuator, and is whole; j: -1 for a free body."""
     found = bool(False)
     if j >= 0:
-        found = J.t.actuators.first[j, r] < J.t.actuators.first[j, r + 1]
+        found = J.t.actuators.first[j, r] < J.t.actuators.first[j, r + 1] and J.broken[j] == 0
     return found
 
 

@@ -20,17 +20,19 @@ from wsim.kernels.rigid.joint.tree.mass_matrix import (
 from wsim.kernels.rigid.joint.tree.newton_euler import sum_tree_wrenches
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
 from wsim.kernels.rigid.joint.tree.substep.bases import link_base_twist, place_tree_base, take_base_velocity
+from wsim.kernels.rigid.joint.tree.substep.breaks import note_break_start, set_break_tables, tree_break_functions
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_vec3
 
 
-def tree_substep_kernel(real, module, moving: bool = False, **bounds):
+def tree_substep_kernel(real, module, moving: bool = False, breaking: bool = False, **bounds):
     """Kernel of substeps steps[0] .. steps[1] of h [s] of trees and of bodies without joints: a thread each. asleep: 1 for
-    bodies of those that stay, or None. moving: what some hang from moves (bases.py).
+    bodies of those that stay, or None. moving: what some hang from moves (bases.py); breaking: joints may break (breaks.py).
     bounds: of a launch on a GPU (lanes.py)."""
     Bodies, Moving = body_structs(real)
     f, lone = tree_step_functions(real, moving), joint_step_functions(real)
     begin, step, write, kicks, place = f.begin, f.step, f.write, lone.kicks, lone.place
+    end_break = tree_break_functions(real).end if breaking else None
 
     def rigid_trees(steps: wp.vec2i, h: real, b: Bodies, J: Linked, T: Trees, asleep: wp.array(dtype=int), now: Moving):
         g = wp.tid() // tree_lanes()
@@ -42,10 +44,17 @@ def tree_substep_kernel(real, module, moving: bool = False, **bounds):
         if T.t.first_link[g + 1] > T.t.first_link[g]:
             T.left[g] = wp.float64(0.0)
             begin(g, d, b, T, J)
+            if wp.static(breaking):
+                note_break_start(g, T)
             for k in range(steps[0], steps[1]):
                 step(g, k, d, b, T, J)
                 note_actuator_work(g, k, d, T, J)
                 note_drive_work(g, k, d, T, J)
+                if wp.static(breaking):
+                    if wp.static(moving):
+                        place_tree_base(g, k, wp.float64(1.0), d, T, J)
+                    place_tree(g, T)
+                    end_break(g, d, b, T, J)
             if wp.static(moving):
                 place_tree_base(g, steps[1] - 1, wp.float64(1.0), d, T, J)
             place_tree(g, T)
@@ -67,6 +76,7 @@ def tree_velocity_kernel(real, module):
         g = wp.tid() // tree_lanes()
         t = T.t
         if t.first_link[g + 1] > t.first_link[g]:
+            set_break_tables(g, T)
             place_tree_base(g, 0, wp.float64(0.0), wp.float64(0.0), T, J)
             take_base_velocity(g, 0, T, J)
             place_tree(g, T)
@@ -75,7 +85,8 @@ def tree_velocity_kernel(real, module):
             dofs = tree_dofs(g, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.tau[d] = wp.float64(0.0)
-                T.H[t.first_entry[d]] = T.H[t.first_entry[d]] - t.armature[d]      # momenta of bodies are without it
+                if wp.length_sq(t.axis[d]) > wp.float64(0.0):      # momenta of bodies are without it; a dof that is held stays
+                    T.H[t.first_entry[d]] = T.H[t.first_entry[d]] - t.armature[d]
             tree_barrier()
             factor_tree_matrix(g, T)
             for link in range(root + tree_lane(), t.first_link[g + 1], tree_lanes()):

@@ -192,7 +192,7 @@ def scale_accelerations(g: int, T: Trees, J: Linked):
         link = t.dof_link[d]
         T.mass[d] = wp.float64(1.0)
         if t.joint[link] >= 0:
-            if J.t.drive[t.joint[link], t.row[d]] == ACCELERATION:
+            if J.t.drive[t.joint[link], t.row[d]] == ACCELERATION and J.broken[t.joint[link]] == 0:
                 T.mass[d] = wp.float64(1.0) / row_response_column(g, tree_joint_row(link, d, T, J), d, T)
     tree_barrier()
 
@@ -272,7 +272,10 @@ def note_drive_work(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
     for link in range(t.first_link[g] + tree_lane(), t.first_link[g + 1], tree_lanes()):
         j = t.joint[link]
         for d in range(t.first_dof[link], t.first_dof[link + 1]):
+            whole = bool(False)
             if j >= 0:
+                whole = J.broken[j] == 0
+            if whole:
                 r = tree_joint_row(link, d, T, J)
                 J.now[j, t.row[d]] = r.g
                 drive = row_drive(j, t.row[d], k, wp.float64(1.0), J)

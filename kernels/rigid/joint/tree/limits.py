@@ -49,8 +49,9 @@ def limit_rates(r: JointRow, j: int, row: int, h: wp.float64, J: Linked):
 def is_limited(link: int, d: int, T: Trees, J: Linked):
     """Whether dof d of link l has a limit."""
     found = bool(False)
-    if T.t.joint[link] >= 0:
-        found = J.t.kind[T.t.joint[link], T.t.row[d]] == LIMITED
+    j = T.t.joint[link]
+    if j >= 0:
+        found = J.t.kind[j, T.t.row[d]] == LIMITED and J.broken[j] == 0
     return found
 
 

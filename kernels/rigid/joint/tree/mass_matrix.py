@@ -95,11 +95,12 @@ def factor_in_turn(g: int, T: Trees):
         row = t.first_entry[k]
         end = t.first_entry[k + 1]
         for e in range(row + 1, end):
-            part = T.H[e] / T.H[row]
-            to = t.first_entry[t.entry_dof[e]]
-            for f in range(e, end):
-                T.H[to + f - e] = T.H[to + f - e] - part * T.H[f]
-            T.H[e] = part
+            if T.H[e] != wp.float64(0.0):              # else one of them is held (substep/breaks.py)
+                part = T.H[e] / T.H[row]
+                to = t.first_entry[t.entry_dof[e]]
+                for f in range(e, end):
+                    T.H[to + f - e] = T.H[to + f - e] - part * T.H[f]
+                T.H[e] = part
 
 
 @standalone_function

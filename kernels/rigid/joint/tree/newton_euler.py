@@ -39,8 +39,8 @@ def link_inertial_wrench(link: int, root: int, T: Trees):
 
 @standalone_function
 @wp.func
-def sum_tree_wrenches(g: int, T: Trees):
-    """tau -= C: wrenches of links summed from the leaves, along the joints' motion."""
+def gather_tree_wrenches(g: int, T: Trees):
+    """N, F of each link and of all behind it, summed from the leaves."""
     t = T.t
     levels = t.first_level[g + 1] - t.first_level[g]
     for back in range(levels):
@@ -56,6 +56,14 @@ def sum_tree_wrenches(g: int, T: Trees):
                 T.N[p] = torque
                 T.F[p] = force
         tree_barrier()
+
+
+@standalone_function
+@wp.func
+def sum_tree_wrenches(g: int, T: Trees):
+    """tau -= C: wrenches of links summed from the leaves, along the joints' motion."""
+    t = T.t
+    gather_tree_wrenches(g, T)
     dofs = tree_dofs(g, T)
     for i in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
         link = t.dof_link[i]

@@ -59,6 +59,7 @@ from wsim.kernels.rigid.joint.tree.mass_matrix import (
 from wsim.kernels.rigid.joint.tree.newton_euler import bounded_decay, link_inertial_wrench, sum_tree_wrenches
 from wsim.kernels.rigid.joint.tree.substep.bases import kick_tree, place_tree_base
 from wsim.kernels.rigid.joint.tree.substep.bodies import tree_writing_func
+from wsim.kernels.rigid.joint.tree.substep.breaks import set_break_tables
 from wsim.kernels.rigid.joint.tree.substep.stages import advance_stage, copy_tree_state, mean_tree_rates, tangent_rates
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_vec3
@@ -112,6 +113,7 @@ def tree_step_functions(real, moving: bool = False):
         """A frame begins: which steps the drives of a tree allow, and what those of accelerations move."""
         if wp.static(moving):
             place_tree_base(g, 0, wp.float64(0.0), h, T, J)
+        set_break_tables(g, T)
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         factor_tree_matrix(g, T)

@@ -77,6 +77,28 @@ def pushed_link_struct():
 
 
 @cache
+def break_struct():
+    """Joints that may break (substep/breaks.py)."""
+    @wp.struct
+    class TreeBreaks:
+        some: int                                    # 1: joints may break
+        may: wp.array(dtype=int)                     # of links: 1: its joint may
+        broken: wp.array(dtype=int)                  # of joints
+        ball: wp.array(dtype=int)                    # of links, of dofs: those of TreeTable while joints are whole
+        axis: wp.array(dtype=wp.vec3d)
+        armature: wp.array(dtype=wp.float64)
+        friction: wp.array(dtype=wp.float64)
+        x: wp.array(dtype=wp.vec3d)                  # of links, where a substep begins: centre of mass, origin of frame b,
+        o: wp.array(dtype=wp.vec3d)
+        p: wp.array(dtype=wp.vec3d)                  # momentum, and angular momentum about the centre
+        L: wp.array(dtype=wp.vec3d)
+        bear_f: wp.array(dtype=wp.vec3d)             # impulse of contacts in a substep, and its torque about the centre
+        bear_t: wp.array(dtype=wp.vec3d)
+
+    return TreeBreaks
+
+
+@cache
 def tree_structs():
     """(TreeTable, Trees): what no stage writes, and all of it with what a step writes."""
     @wp.struct
@@ -117,13 +139,14 @@ def tree_structs():
         step_start: wp.array(dtype=int)              # of those, and one more: place in `step_entry`
         step_entry: wp.array(dtype=int)              # entries of their rows
 
-    TreeLoops, PushedLinks = loop_struct(), pushed_link_struct()
+    TreeLoops, PushedLinks, TreeBreaks = loop_struct(), pushed_link_struct(), break_struct()
 
     @wp.struct
     class Trees:
         t: TreeTable
         loops: TreeLoops
         links: PushedLinks
+        breaks: TreeBreaks
         q: wp.array(dtype=wp.float64)
         qd: wp.array(dtype=wp.float64)
         X: wp.array(dtype=wp.vec3d)                  # of links: centre of mass, and principal axes to the world

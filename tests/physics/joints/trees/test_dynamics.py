@@ -10,6 +10,7 @@ from tests.make.physics.joints.chains import heavy_chain
 from tests.physics.joints.trees.chains import body_frames, chain_scene, constrained_accelerations, trees_of
 from wsim.cli.run import prepare_recorded_run
 from wsim.geometry import rotation
+from wsim.physics.rigid.joints.joint import Drive
 
 
 @pytest.mark.parametrize("kinds, free", [
@@ -166,6 +167,6 @@ def test_worlds_do_what_one_does():
 
 def test_what_has_no_reduced_coordinates_is_refused():
     scene = chain_scene(["revolute", "revolute"])
-    scene.things("Joint")[1].force = 100.0
-    with pytest.raises(wsim.SceneError, match="coordinates is reduced, .*it may break"):
+    scene.things("Joint")[1].drives = {"distance": Drive(1.0)}
+    with pytest.raises(wsim.SceneError, match="coordinates is reduced, .*it limits a distance"):
         wsim.Simulation(scene, device="cpu")

@@ -78,7 +78,7 @@ def joint_row_columns(joint: Joint) -> dict[str, list]:
         if form == CONE and k > 3:
             low, high, kind = 0.0, inf, tables.LIMITED if k == 4 else tables.FREE
         drive = joint.drives.get(name, Drive())
-        on = drive.stiffness > 0.0 or drive.damping > 0.0
+        on = kind != tables.LOCKED and (drive.stiffness > 0.0 or drive.damping > 0.0)
         found["kind"].append(int(kind))
         found["drive"].append(int(on and (tables.ACCELERATION if drive.acceleration else tables.FORCE)))
         for column, value in (("low", low), ("high", high), ("stiffness", drive.stiffness), ("damping", drive.damping),

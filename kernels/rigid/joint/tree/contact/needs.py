@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass
 class TreeContactNeeds:
     """moving: what some trees hang from moves; bouncing: something has restitution; exact: sweeps end at a residual; sleeping:
     trees may sleep; soft: contacts are MuJoCo's (soft_model.py); pushed: points or strands push links, which keep momentum
-    with them (balance.py)."""
+    with them (balance.py); breaking: joints may break (../substep/breaks.py)."""
 
     moving: bool = False
     bouncing: bool = False
@@ -15,6 +15,7 @@ class TreeContactNeeds:
     sleeping: bool = False
     soft: bool = False
     pushed: bool = False
+    breaking: bool = False
 
     @property
     def key(self) -> tuple[bool, ...]:

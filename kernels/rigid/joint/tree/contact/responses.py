@@ -201,5 +201,10 @@ def push_link(link: int, wrench: vec6d, T: Trees):
                 more += T.answer[at + c] * wrench[c]
             k = T.t.entry_dof[row + p]
             T.u[k] = T.u[k] + more
+    if T.breaks.some == 1 and tree_lane() == 0:
+        force = wp.vec3d(wrench[3], wrench[4], wrench[5])
+        arm = T.X[link] - T.X[T.t.first_link[T.tree_of[link]]]
+        T.breaks.bear_f[link] = T.breaks.bear_f[link] + force
+        T.breaks.bear_t[link] = T.breaks.bear_t[link] + wp.vec3d(wrench[0], wrench[1], wrench[2]) - wp.cross(arm, force)
     tree_barrier()
     keep_loops_of_link(T.tree_of[link], link, wrench, T)

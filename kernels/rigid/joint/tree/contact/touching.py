@@ -26,6 +26,7 @@ from wsim.kernels.rigid.joint.tree.joint_forces import note_drive_work
 from wsim.kernels.rigid.joint.tree.lanes import tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.steps import tree_step_functions
+from wsim.kernels.rigid.joint.tree.substep.breaks import note_break_start, tree_break_functions
 from wsim.kernels.rigid.joint.tree.tables import Trees, vec6d
 from wsim.kernels.rigid.soft_step import body_steps
 
@@ -38,7 +39,7 @@ def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds)
     walk, sweep, solve = tree_sweep_functions(real, meet, coloured, needs)
     impacts = world_impact_func(real, meet, coloured, sweep, needs) if needs.bouncing else None
     goals, awake = parts.goals, parts.awake
-    turn = body_steps(real)[1]
+    turn, end_break = body_steps(real)[1], tree_break_functions(real).end if needs.breaking else None
 
     @wp.func
     def stop_tree(g: int, T: Trees):
@@ -56,6 +57,8 @@ def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds)
                     if k == 0:
                         begin(g, wp.float64(h), rig.b, T, J)
                     ready(g, k, h, rig, J, T)            # else as the launch before has left it
+                    if wp.static(needs.breaking):
+                        note_break_start(g, T)
                 else:
                     stop_tree(g, T)
         for i in range(rig.b.w.shape[0] + tree_lane(), rig.work.turn.shape[0], tree_lanes()):
@@ -111,6 +114,9 @@ def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds)
                 close_tree_sweeps(g, T)
                 note_actuator_work(g, k, d, T, J)
                 note_drive_work(g, k, d, T, J)
+                if wp.static(needs.breaking):
+                    if end_break(g, d, rig.b, T, J) == 1:
+                        ready(g, k + 1, h, rig, J, T)
                 write(g, T, rig.now)
 
     return begin_world, predict_world, solve, end_world

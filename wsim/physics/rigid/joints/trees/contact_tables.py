@@ -8,15 +8,17 @@ import warp as wp
 from wsim.kernels.rigid.joint.tree.contact.needs import TreeContactNeeds
 from wsim.kernels.rigid.joint.tree.tables import mat66d, pushed_link_struct, vec5d
 from wsim.model.structs import fill_struct
+from wsim.physics.rigid.joints.trees.break_tables import some_joint_breaks
 from wsim.physics.rigid.meetings import has_restitution
 from wsim.physics.rigid.solids import bodies_may_sleep, has_soft_contacts
 
 
-def tree_contact_needs(scene, moves: bool, pushed: bool = False) -> TreeContactNeeds:
-    """What the substeps of touching trees need. moves: what some hang from moves; pushed: points or strands push links."""
+def tree_contact_needs(trees) -> TreeContactNeeds:
+    """What the substeps of touching trees need. trees: `DeviceTrees`."""
+    scene, moves = trees.model.scene, bool(trees.trees.moves)
     soft = has_soft_contacts(scene)
     return TreeContactNeeds(moves, has_restitution(scene) and not soft, scene.contact_tolerance > 0.0, bodies_may_sleep(scene),
-                            soft, pushed)
+                            soft, trees.pushed, some_joint_breaks(trees))
 
 
 def add_soft_tables(trees, contacts) -> None:

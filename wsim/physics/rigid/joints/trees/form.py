@@ -44,7 +44,7 @@ class TreeContactForm(forms.ContactPassForm):
             own = model.shared_module("rigid_colours", self.blocks, threads=forms.THREADS * self.wide)
             self.kernels["colours"] = contact_colour_kernel(model.real, own, meet, **sizes)
         block_size = min(forms.THREADS, self.threads)
-        needs = tree_contact_needs(model.scene, bool(self.trees.trees.moves), self.trees.pushed)
+        needs = tree_contact_needs(self.trees)
         self.tolerance, make, name = model.scene.contact_tolerance, touching_tree_kernel, "trees"
         if self.trees.pushed:
             from wsim.kernels.rigid.joint.tree.contact.pushed import pushed_tree_kernels as make

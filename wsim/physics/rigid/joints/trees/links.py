@@ -30,8 +30,8 @@ def unsupported_joint(joint: Joint) -> str:
     _, hinges, ball = joint_freedom(joint)
     if DISTANCE in joint.limits or DISTANCE in joint.drives:
         return "it limits a distance"
-    if min(joint.force, joint.torque) < inf:
-        return "it may break"
+    if joint.hinges and may_break(joint):
+        return "it may break, and its turns are hinges behind each other"
     if hinges == ["rotY", "rotZ"]:
         return "two swings without a twist"
     if joint.cone is not None and not ball:
@@ -41,16 +41,24 @@ def unsupported_joint(joint: Joint) -> str:
     return ""
 
 
+def may_break(joint: Joint | None) -> bool:
+    """Whether a joint has a force or torque over which it breaks; None: of a free body."""
+    return joint is not None and min(joint.force, joint.torque) < inf
+
+
 def reversible_joint(joint: Joint) -> bool:
     """True if the link on side 0 may be the child."""
     slides, hinges, ball = joint_freedom(joint)
+    if slides and may_break(joint):                     # its torque counts about the origin on side 1
+        return False
     plain = not joint.drives and joint.cone is None and not any(name in joint.limits for name in AXES[3:])
     return len(slides) + len(hinges) + 3 * ball <= 1 or (ball and not slides and plain)
 
 
 @dataclass
 class TreeLinks:
-    """Trees of one world: links behind each other. joint: -1 for a root that is free; swapped: the child is on side 0."""
+    """Trees of one world: links behind each other. joint: -1 for a root that is free; swapped: the child is on side 0; breaks:
+    1 of links whose joint may break, with six dofs, of which those it locks have held 1 and no axis."""
 
     first_link: list[int] = field(default_factory=lambda: [0])
     body: list[int] = field(default_factory=list)
@@ -61,8 +69,10 @@ class TreeLinks:
     ball: list[int] = field(default_factory=list)
     first_dof: list[int] = field(default_factory=lambda: [0])
     first_coordinate: list[int] = field(default_factory=lambda: [0])
+    breaks: list[int] = field(default_factory=list)
     axis: list[np.ndarray] = field(default_factory=list)
     point: list[np.ndarray] = field(default_factory=list)
+    held: list[int] = field(default_factory=list)
     row: list[int] = field(default_factory=list)
     dof_parent: list[int] = field(default_factory=list)
     first_entry: list[int] = field(default_factory=lambda: [0])
@@ -87,10 +97,14 @@ class TreeLinks:
         """One more link, whose joint is `given`; None: it is free."""
         slides, hinges, ball = joint_freedom(given) if given else (list(SHIFTS), [], True)
         names = [*slides, *hinges, *(AXES[3:] if ball else ())]
+        free, breaks = set(names), may_break(given)
+        if breaks:
+            slides, names = list(SHIFTS), [*SHIFTS, *(AXES[3:] if ball else ORDER)]
         last = self.last_dof[parent] if parent >= 0 else -1
         depth = 0 if last < 0 else self.first_entry[last + 1] - self.first_entry[last]
         for k, name in enumerate(names):
-            axis = np.eye(3)[AXES.index(name) % 3]
+            axis = float(name in free) * np.eye(3)[AXES.index(name) % 3]
+            self.held.append(int(name not in free))
             self.axis.append(-axis if swapped and not ball else axis)
             self.point.append(np.array(given.hinges.get(name, (0.0, 0.0, 0.0)) if given else (0.0, 0.0, 0.0)))
             self.row.append(AXES.index(name))
@@ -105,10 +119,10 @@ class TreeLinks:
             self.columns += depth + len(names)
         self.last_dof.append(len(self.dof_link) - 1 if names else last)
         for column, value in (("body", body), ("parent", parent), ("joint", joint), ("swapped", swapped),
-                              ("slides", len(slides)), ("ball", int(ball))):
+                              ("slides", len(slides)), ("ball", int(ball)), ("breaks", int(breaks))):
             getattr(self, column).append(value)
         self.first_dof.append(len(self.axis))
-        self.first_coordinate.append(self.first_coordinate[-1] + len(names) + ball)
+        self.first_coordinate.append(self.first_coordinate[-1] + len(names) + (ball or breaks))
 
     def end_tree(self) -> None:
         """All links of a tree are there: their levels, children, dofs behind each, entries of H by distance from the root."""
@@ -183,7 +197,11 @@ def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: lis
         found.add_link(row, numbers.get(parent, -1), j, joints[j] if j >= 0 else None, swapped)
     for j in cut:
         found.loops.add_joint(j, joints[j], (numbers[int(pairs[j][0])], numbers[int(pairs[j][1])]))
-    return mimic_rows(found.loops, joints, own, link_of, found)
+    why = mimic_rows(found.loops, joints, own, link_of, found)
+    weak = [joints[j].path for j in own if may_break(joints[j])]
+    if weak and len(found.loops.kind) > found.loops.first_row[-1]:
+        why = why or f"{weak[0]}: it may break, in a tree of which joints close a loop or mimic others"
+    return why
 
 
 def _link_order(joints, pairs, own, bodies) -> list[tuple[int, int, int, bool]] | None:

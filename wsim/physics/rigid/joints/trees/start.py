@@ -7,9 +7,9 @@ from wsim.physics.rigid.joints.trees.links import FITS, TreeLinks
 
 
 def start_coordinates(links: TreeLinks, frames: dict[str, np.ndarray], places: np.ndarray, turns: np.ndarray,
-                      joints: list) -> np.ndarray:
+                      joints: list, broken: np.ndarray) -> np.ndarray:
     """Coordinates of links (coordinates,). places, turns: centres of mass [m] and principal axes of links, (links, 3) and
-    (links, 4).
+    (links, 4); broken: whether joints broke (joints,).
     Raises ValueError where bodies stand off by more than FITS from what a joint allows."""
     found: list[float] = []
     for link, parent in enumerate(links.parent):
@@ -21,7 +21,11 @@ def start_coordinates(links: TreeLinks, frames: dict[str, np.ndarray], places: n
         own = rotation.quat_product(turns[link], frames["turn_b"][link])
         shift = rotation.quat_rotate(rotation.quat_conjugate(turn), to - at)
         between = rotation.unit_quat(rotation.quat_product(rotation.quat_conjugate(turn), own))
+        if links.breaks[link] and broken[links.joint[link]]:
+            found += [*shift.tolist(), *between.tolist()]
+            continue
         coordinates, off = _link_coordinates(links, link, shift, between)
+        coordinates += [0.0] * (links.first_coordinate[link + 1] - links.first_coordinate[link] - len(coordinates))
         if off[0] > FITS[0] or off[1] > FITS[1]:
             raise ValueError(f"{joints[links.joint[link]].path}: its bodies stand {off[0]:.3g} m and {off[1]:.3g} rad off from "
                              "what it allows")
@@ -45,7 +49,7 @@ def _link_coordinates(links: TreeLinks, link: int, shift: np.ndarray,
 
 def _hinge_angles(axes: list[np.ndarray], between: np.ndarray) -> tuple[list[float], float]:
     """(angles of hinges, outermost first, the turn that is left over [rad]) of a quaternion (4,) between their frames."""
-    if len(axes) == 3:                                            # z, y, x: R = R_z(c) R_y(b) R_x(a)
+    if len(axes) == 3 and all(axis.any() for axis in axes):       # z, y, x: R = R_z(c) R_y(b) R_x(a)
         R = rotation.quaternion_to_matrix(between)
         middle = np.arctan2(-R[2, 0], np.hypot(R[2, 1], R[2, 2]))
         return [float(v) for v in (np.arctan2(R[1, 0], R[0, 0]), middle, np.arctan2(R[2, 1], R[2, 2]))], 0.0

@@ -13,9 +13,10 @@ from wsim.kernels.rigid.joint.tree.tables import tree_structs
 from wsim.model.stage import Clock
 from wsim.model.state import StateField, StatePart
 from wsim.model.structs import fill_struct
-from wsim.physics.rigid.joints.joint import AXES, PASSIVE
+from wsim.physics.rigid.joints.joint import PASSIVE
 from wsim.physics.rigid.joints.tables import DeviceJoints
 from wsim.physics.rigid.joints.trees.bases import base_tables
+from wsim.physics.rigid.joints.trees.break_tables import break_tables, dof_values, some_joint_breaks
 from wsim.physics.rigid.joints.trees.contact_tables import add_soft_tables, contact_tables
 from wsim.physics.rigid.joints.trees.links import FITS, tree_links
 from wsim.physics.rigid.joints.trees.loop_tables import loop_tables, tree_loop_frames
@@ -97,10 +98,11 @@ class DeviceTrees(DeviceJoints):
                         moments=up(np.tile([m.moments for m in masses], (worlds, 1)), wp.vec3d),
                         **{name: up(np.tile(np.reshape(getattr(links, name), (-1, 3)), (worlds, 1)), wp.vec3d)
                            for name in ("axis", "point")},
-                        **{name: up(np.tile(self._dof_values(name), worlds), wp.float64) for name in PASSIVE})
+                        **{name: up(np.tile(dof_values(self, name), worlds), wp.float64) for name in PASSIVE})
         bases, parts = base_tables(self)
         self.tree_parts += parts
-        more = bases | {"first_column": up(of_worlds("first_column"), int)} | contact_tables(self)
+        more = bases | {"breaks": break_tables(self, t), "first_column": up(of_worlds("first_column"), int)}
+        more |= contact_tables(self)
         loops = loop_tables(self, sizes)
         self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, loops=loops(), **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
@@ -114,15 +116,10 @@ class DeviceTrees(DeviceJoints):
         at = M[:3, :3] @ (joint.at1 if swapped else joint.at0) + M[:3, 3] - self.method.origin[self.links.body[root]]
         return at, rotation.quat_product(rotation.matrix_quat(M[:3, :3]), joint.turn1 if swapped else joint.turn0)
 
-    def _dof_values(self, name: str) -> np.ndarray:
-        """Armature or friction of dofs of a world, (dofs,)."""
-        links = self.links
-        tables = [getattr(self.joints[j], name) if j >= 0 else {} for j in np.repeat(links.joint, np.diff(links.first_dof))]
-        return np.array([table.get(AXES[row], 0.0) for table, row in zip(tables, links.row, strict=True)])
-
     def stored_energy(self, world: int = 0) -> float:
         """Kinetic energy [J] of the armature of a world."""
-        return float(0.5 * (self._dof_values("armature") * self.of_world(self.qd.numpy(), world)**2).sum())
+        armature, qd = (self.of_world(a.numpy()[:len(self.qd)], world) for a in (self.trees.t.armature, self.qd))
+        return float(0.5 * (armature * qd**2).sum())
 
     def _tree_work(self, sizes: dict[str, int], worlds: int) -> dict[str, Any]:
         def zeros(size, dtype=wp.float64):
@@ -173,7 +170,8 @@ class DeviceTrees(DeviceJoints):
         rows = np.array(self.links.body, int) + world * (len(self.method.bodies) // self.model.worlds)
         places = self._link_starts() + (0.0 if shift is None else shift[rows])
         turns = self.method.turns()[rows].reshape(-1, 4)
-        q = start_coordinates(self.links, self._link_frames(), places, turns, self.joints)
+        broken = self.of_world(self.linked.broken.numpy(), world)
+        q = start_coordinates(self.links, self._link_frames(), places, turns, self.joints, broken)
         C, loops = start_violations(self.links.loops, tree_loop_frames(self), q, places, turns), self.links.loops
         for r, gap in enumerate(np.abs(C).tolist()):
             if loops.kind[r] != MIMIC and gap > FITS[loops.kind[r]]:
@@ -198,8 +196,8 @@ class DeviceTrees(DeviceJoints):
         """Kernel of trees whose bodies touch nothing."""
         from wsim.kernels.rigid.joint.tree.alone import tree_substep_kernel
         self.settle = self.method.sleep.alone() if self.method.sleep else None
-        moves, bounds = bool(self.trees.moves), self.launch_bounds
-        return tree_substep_kernel(self.model.real, self._tree_module("rigid_trees", moves, bool(bounds)), moves, **bounds)
+        needs, bounds = (bool(self.trees.moves), some_joint_breaks(self)), self.launch_bounds
+        return tree_substep_kernel(self.model.real, self._tree_module("rigid_trees", *needs, bool(bounds)), *needs, **bounds)
 
     @property
     def launch_bounds(self) -> dict:
