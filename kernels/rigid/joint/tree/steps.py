@@ -46,6 +46,7 @@ from wsim.kernels.rigid.joint.tree.loops.steps import (
     constrain_tree_stage,
     note_tree_stage,
 )
+from wsim.kernels.rigid.joint.tree.loops.strings import place_string_ends, reset_string_impulses
 from wsim.kernels.rigid.joint.tree.mass_matrix import (
     assemble_tree_matrix,
     copy_tree_matrix,
@@ -257,8 +258,9 @@ def tree_step_functions(real, moving: bool = False):
         alike."""
         if wp.static(moving):
             kick_tree(g, k, h, T, J)
+        reset_string_impulses(g, T)
         predict_tree(g, k, T.integrator[g], h, b, T, J)
-        if passes_tree_limit(g, T, J) == 1:
+        if passes_tree_limit(g, k, h, T, J) == 1:
             dofs = tree_dofs(g, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.gains[d] = T.qd[d] - T.rates[d]
@@ -268,25 +270,27 @@ def tree_step_functions(real, moving: bool = False):
             copy_tree_state(g, T.q_before, T.qd, T.q, T.qd, T)
             if wp.static(moving):
                 place_tree_base(g, k, wp.float64(0.0), h, T, J)
+                place_string_ends(g, k, wp.float64(0.0), h, T, J)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             add_drive_inertia(g, k, h, T, J)
             add_actuator_inertia(g, k, h, T, J)
             factor_tree_matrix(g, T)
             ready_loops(g, T)
-            T.left[g] = wp.max(T.left[g], solve_tree_limits(g, h, T, J))
+            T.left[g] = wp.max(T.left[g], solve_tree_limits(g, k, h, T, J))
             move_tree_coordinates(g, h, T.qd, T.q_before, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.qd[d] + T.gains[d]
             tree_barrier()
             if wp.static(moving):
                 place_tree_base(g, k, wp.float64(1.0), h, T, J)
+                place_string_ends(g, k, wp.float64(1.0), h, T, J)
             close_tree_loops(g, T)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             factor_tree_matrix(g, T)
             ready_loops(g, T)
-            T.left[g] = wp.max(T.left[g], solve_tree_limits(g, wp.float64(0.0), T, J))
+            T.left[g] = wp.max(T.left[g], solve_tree_limits(g, k, wp.float64(0.0), T, J))
         else:
             close_tree_loops(g, T)
 

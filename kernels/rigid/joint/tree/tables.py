@@ -23,7 +23,7 @@ import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
 
-LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC = wp.constant(0), wp.constant(1), wp.constant(2)
+LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC, LOOP_SPAN = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)
 vec5d = wp.types.vector(5, wp.float64)
 vec6d = wp.types.vector(6, wp.float64)
 mat66d = wp.types.matrix((6, 6), wp.float64)
@@ -35,7 +35,7 @@ def loop_struct():
     @wp.struct
     class TreeLoops:
         first_row: wp.array(dtype=int)               # of trees, and one more
-        kind: wp.array(dtype=int)                    # of rows: LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC
+        kind: wp.array(dtype=int)                    # of rows: LOOP_SHIFT, LOOP_TURN, LOOP_MIMIC, LOOP_SPAN
         a: wp.array(dtype=int)                       # a link, or -1: the world; of mimics the dof that follows, and is followed
         b: wp.array(dtype=int)
         c_a: wp.array(dtype=int)                     # of mimics: their coordinates
@@ -44,7 +44,7 @@ def loop_struct():
         at_b: wp.array(dtype=wp.vec3d)
         e_a: wp.array(dtype=wp.vec3d)
         e_b: wp.array(dtype=wp.vec3d)
-        coefficients: wp.array(dtype=vec5d)          # of mimics: of powers 0 to 4
+        coefficients: wp.array(dtype=vec5d)          # of mimics: of powers 0 to 4; of spans: their length [m]
         first_value: wp.array(dtype=int)             # place of a row's J and Q, (dofs of the tree) each
         first_square: wp.array(dtype=int)            # of trees: of R, (rows, rows)
         J: wp.array(dtype=wp.float64)
@@ -74,6 +74,35 @@ def pushed_link_struct():
         u: wp.array(dtype=wp.float64)                # of dofs: u before the star
 
     return PushedLinks
+
+
+@cache
+def string_struct():
+    """Distances that stay within a range (loops/strings.py)."""
+    @wp.struct
+    class TreeStrings:
+        first_row: wp.array(dtype=int)               # of trees, and one more
+        joint: wp.array(dtype=int)
+        a: wp.array(dtype=int)                       # a link, or -1: the world
+        b: wp.array(dtype=int)
+        at_a: wp.array(dtype=wp.vec3d)               # end [m]: in principal axes of a link, or of the world
+        at_b: wp.array(dtype=wp.vec3d)
+        hang: wp.array(dtype=wp.vec3d)               # where the start of the anchor stands
+        drawn: wp.array(dtype=wp.vec3d)              # its velocity [m/s]
+        low: wp.array(dtype=wp.float64)              # [m]
+        high: wp.array(dtype=wp.float64)
+        first_value: wp.array(dtype=int)             # place of Z, (dofs of the tree)
+        Z: wp.array(dtype=wp.float64)
+        response: wp.array(dtype=wp.float64)         # Z^T Z [1/kg], 0 where nothing acts
+        length: wp.array(dtype=wp.float64)           # where the step begins [m], and the direction from a to b
+        n: wp.array(dtype=wp.vec3d)
+        base: wp.array(dtype=wp.float64)             # rate by what trees hang from [m/s]
+        bend: wp.array(dtype=wp.float64)             # what is not linear in the rates [m]
+        push: wp.array(dtype=wp.float64)             # impulse [N s], below 0: it pulls; that of the substep before it
+        sum: wp.array(dtype=wp.float64)
+        taut: wp.array(dtype=int)                    # sign of the impulse before
+
+    return TreeStrings
 
 
 @cache
@@ -139,13 +168,15 @@ def tree_structs():
         step_start: wp.array(dtype=int)              # of those, and one more: place in `step_entry`
         step_entry: wp.array(dtype=int)              # entries of their rows
 
-    TreeLoops, PushedLinks, TreeBreaks = loop_struct(), pushed_link_struct(), break_struct()
+    TreeLoops, PushedLinks = loop_struct(), pushed_link_struct()
+    TreeStrings, TreeBreaks = string_struct(), break_struct()
 
     @wp.struct
     class Trees:
         t: TreeTable
         loops: TreeLoops
         links: PushedLinks
+        strings: TreeStrings
         breaks: TreeBreaks
         q: wp.array(dtype=wp.float64)
         qd: wp.array(dtype=wp.float64)

@@ -147,7 +147,7 @@ def test_pieces_land_and_rest():
     scene.collider("/floor", Plane(), at=(0, -1, 0))
     for body in scene.things("Body"):
         body.colliders[0].meets = True
-    simulation = start(scene, precision="float32")
+    simulation = start(scene)
     simulation.run(150)
     assert trees_of(simulation)[1].linked.broken.numpy().tolist().count(1) == 1
     for path in ("/b1", "/b2"):
@@ -165,7 +165,7 @@ def test_a_restart_behind_the_break_gives_the_same_bits(tmp_path, meets):
 
     def run(output: str, frames: int, restart: str | None = None):
         scene = replace(wsim.load(tmp_path / "s.usda"), frames=frames)
-        job = prepare_recorded_run(scene, output, lambda s: wsim.Simulation(s, device="cpu"), restart=restart)
+        job = prepare_recorded_run(scene, output, start, restart=restart)
         job.frames()
         return job.simulation
     whole = run(str(tmp_path / "whole.usdc"), 40)

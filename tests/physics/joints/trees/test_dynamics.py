@@ -168,5 +168,5 @@ def test_worlds_do_what_one_does():
 def test_what_has_no_reduced_coordinates_is_refused():
     scene = chain_scene(["revolute", "revolute"])
     scene.things("Joint")[1].drives = {"distance": Drive(1.0)}
-    with pytest.raises(wsim.SceneError, match="coordinates is reduced, .*it limits a distance"):
+    with pytest.raises(wsim.SceneError, match="coordinates is reduced, .*it has a drive along a distance"):
         wsim.Simulation(scene, device="cpu")

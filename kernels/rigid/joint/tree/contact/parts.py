@@ -20,6 +20,7 @@ from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_la
 from wsim.kernels.rigid.joint.tree.limits import reset_limit_impulses, start_tree_limits
 from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
 from wsim.kernels.rigid.joint.tree.loops.steps import close_tree_loops
+from wsim.kernels.rigid.joint.tree.loops.strings import place_string_ends
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.steps import IMPLICIT, ROS2, tree_step_functions
 from wsim.kernels.rigid.joint.tree.substep.bases import place_tree_base
@@ -59,6 +60,7 @@ def tree_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
         """Places a tree at its coordinates, with the factors of H and limits; its bodies are turned as it is."""
         if wp.static(moving):
             place_tree_base(g, k, wp.float64(0.0), wp.float64(h), T, J)
+            place_string_ends(g, k, wp.float64(0.0), wp.float64(h), T, J)
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         if T.integrator[g] == ROS2 or T.integrator[g] == IMPLICIT:

@@ -2,6 +2,7 @@
 
     shift    C = e . (p_b - p_a), e fixed in a            C' = l . (V_b - V_a), l = ((p_b - O) x e, e)
     turn     C = u . s, u fixed in a, s in b              C' = l . (V_b - V_a), l = (s x u, 0)
+    span     C = |p_b - p_a| - length                      C' = l . (V_b - V_a), l = ((p_b - O) x n, n), n along p_b - p_a
     mimic    C = q_a - sum_k c_k q_b^k                    C' = qd_a - p'(q_b) qd_b
 
 C' = J qd. A hinge has u, s = (y, x), (z, x); a joint that locks all turns (z, y) too.
@@ -14,7 +15,7 @@ import warp as wp
 from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.rotation import rotate_vector
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
-from wsim.kernels.rigid.joint.tree.tables import LOOP_SHIFT, LOOP_TURN, Trees, vec6d
+from wsim.kernels.rigid.joint.tree.tables import LOOP_MIMIC, LOOP_SPAN, LOOP_TURN, Trees, vec6d
 
 
 @wp.struct
@@ -48,6 +49,8 @@ def loop_row_ends(r: int, T: Trees):
     if b >= 0:
         found.p_b = T.X[b] + rotate_vector(T.Q[b], found.p_b)
         found.s = rotate_vector(T.Q[b], found.s)
+    if T.loops.kind[r] == LOOP_SPAN:
+        found.u = wp.normalize(found.p_b - found.p_a)
     return found
 
 
@@ -72,9 +75,10 @@ def loop_violation(r: int, T: Trees):
     """C of a row. Links are placed."""
     kind = T.loops.kind[r]
     found = wp.float64(0.0)
-    if kind == LOOP_SHIFT or kind == LOOP_TURN:
+    if kind != LOOP_MIMIC:
         ends = loop_row_ends(r, T)
-        found = wp.where(kind == LOOP_SHIFT, wp.dot(ends.u, ends.p_b - ends.p_a), wp.dot(ends.u, ends.s))
+        found = wp.where(kind == LOOP_TURN, wp.dot(ends.u, ends.s), wp.dot(ends.u, ends.p_b - ends.p_a))
+        found -= T.loops.coefficients[r][0]
     else:
         leader = wp.float64(0.0)
         if T.loops.c_b[r] >= 0:
@@ -85,9 +89,9 @@ def loop_violation(r: int, T: Trees):
 
 @wp.func
 def loop_row_line(r: int, root: int, ends: LoopEnds, T: Trees):
-    """l of a shift or turn."""
+    """l of a shift, turn or span."""
     found = vec6d()
-    if T.loops.kind[r] == LOOP_SHIFT:
+    if T.loops.kind[r] != LOOP_TURN:
         m = wp.cross(ends.p_b - T.X[root], ends.u)
         found = vec6d(m[0], m[1], m[2], ends.u[0], ends.u[1], ends.u[2])
     else:
@@ -110,10 +114,28 @@ def add_loop_side(r: int, link: int, line: vec6d, p: wp.vec3d, sign: wp.float64,
         e = T.loops.first_value[r] + d - first
         T.loops.J[e] = T.loops.J[e] + sign * (wp.dot(w, T.S_w[d]) + wp.dot(v, T.S_v[d]))
         moved = T.S_w[d]
-        if T.loops.kind[r] == LOOP_SHIFT:
+        if T.loops.kind[r] != LOOP_TURN:
             moved = T.S_v[d] + wp.cross(T.S_w[d], p)
         T.loops.Q[e] = wp.max(T.loops.Q[e], wp.length(moved))
         d = T.t.dof_parent[d]
+
+
+@standalone_function
+@wp.func
+def substitute_dense_row(x: wp.array(dtype=wp.float64), at: int, first: int, n: int, T: Trees):
+    """Row x[at], ..., of n dofs from `first` on, becomes C^-T x. Returns its size^2. One lane."""
+    size = wp.float64(0.0)
+    for back in range(n):
+        k = n - 1 - back
+        row = T.t.first_entry[first + k]
+        y = x[at + k]
+        for e in range(row + 1, T.t.first_entry[first + k + 1]):
+            to = at + T.t.entry_dof[e] - first
+            x[to] = x[to] - T.H[e] * y
+        y = y / wp.sqrt(T.H[row])
+        x[at + k] = y
+        size += y * y
+    return size
 
 
 @standalone_function
@@ -129,7 +151,7 @@ def set_loop_row(g: int, r: int, T: Trees):
     for d in range(n):
         T.loops.J[at + d] = wp.float64(0.0)
         T.loops.Q[at + d] = wp.float64(0.0)
-    if T.loops.kind[r] == LOOP_SHIFT or T.loops.kind[r] == LOOP_TURN:
+    if T.loops.kind[r] != LOOP_MIMIC:
         root = t.first_link[g]
         ends = loop_row_ends(r, T)
         line = loop_row_line(r, root, ends, T)
@@ -146,16 +168,6 @@ def set_loop_row(g: int, r: int, T: Trees):
         own += y * y
         whole += T.loops.Q[at + d] * T.loops.Q[at + d]
         T.loops.Q[at + d] = y
-    size = wp.float64(0.0)
-    for back in range(n):
-        k = n - 1 - back
-        row = t.first_entry[first + k]
-        y = T.loops.Q[at + k]
-        for e in range(row + 1, t.first_entry[first + k + 1]):
-            to = at + t.entry_dof[e] - first
-            T.loops.Q[to] = T.loops.Q[to] - T.H[e] * y
-        y = y / wp.sqrt(T.H[row])
-        T.loops.Q[at + k] = y
-        size += y * y
+    size = substitute_dense_row(T.loops.Q, at, first, n, T)
     T.loops.left[r] = size
     T.loops.size[r] = size * wp.max(one, whole / wp.max(own, wp.float64(1.0e-300)))

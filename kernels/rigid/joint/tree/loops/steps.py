@@ -3,6 +3,7 @@
     J qdd = -J' qd,   -J' qd = -(l' . (V_b - V_a) + l . (A_b - A_a)),   A: accelerations without qdd
     shift    l' = (v_p x e + (p_b - O) x e', e'),   e' = omega_a x e,   v_p the velocity of p_b
     turn     l' = (s' x u + s x u', 0)
+    span     -J' qd = -n . (a_b - a_a) - (|w|^2 - (n . w)^2) / g,   a: accelerations of the ends without qdd, w = v_b - v_a
     mimic    -J' qd = p'' qd_b^2
 """
 
@@ -20,12 +21,37 @@ from wsim.kernels.rigid.joint.tree.loops.equations import (
     tree_loop_rows,
 )
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
-from wsim.kernels.rigid.joint.tree.tables import LOOP_SHIFT, LOOP_TURN, Trees
+from wsim.kernels.rigid.joint.tree.tables import LOOP_SHIFT, LOOP_SPAN, LOOP_TURN, Trees
 
 CLOSED = wp.constant(wp.float64(1.0e-12))      # [m], [rad] of a loop that is closed
 FARTHEST = wp.constant(wp.float64(0.3))        # [m], [rad] of a coordinate in a step of Newton's method
 TRIES = wp.constant(12)
 FOLLOWS = wp.constant(wp.float64(0.5))         # a step that leaves more of the gap ends it
+
+
+@wp.func
+def end_motion(link: int, r: wp.vec3d, T: Trees):
+    """(velocity, acceleration without qdd) of the place r from O on a link; -1: 0."""
+    v = wp.vec3d()
+    a = wp.vec3d()
+    if link >= 0:
+        w = T.W[link]
+        v = T.V[link] + wp.cross(w, r)
+        a = T.A_v[link] + wp.cross(T.A_w[link], r) + wp.cross(w, v)
+    return v, a
+
+
+@standalone_function
+@wp.func
+def span_row_bias(r: int, root: int, T: Trees):
+    """-J' qd of a span."""
+    ends = loop_row_ends(r, T)
+    v_a, a_a = end_motion(T.loops.a[r], ends.p_a - T.X[root], T)
+    v_b, a_b = end_motion(T.loops.b[r], ends.p_b - T.X[root], T)
+    w = v_b - v_a
+    along = wp.dot(ends.u, w)
+    g = wp.max(wp.dot(ends.u, ends.p_b - ends.p_a), wp.float64(1.0e-300))
+    return -wp.dot(ends.u, a_b - a_a) - (wp.dot(w, w) - along * along) / g
 
 
 @standalone_function
@@ -34,7 +60,9 @@ def loop_row_bias(r: int, root: int, T: Trees):
     """-J' qd of a row. Velocities of links and their accelerations without qdd are there."""
     kind = T.loops.kind[r]
     found = wp.float64(0.0)
-    if kind == LOOP_SHIFT or kind == LOOP_TURN:
+    if kind == LOOP_SPAN:
+        found = span_row_bias(r, root, T)
+    elif kind == LOOP_SHIFT or kind == LOOP_TURN:
         ends = loop_row_ends(r, T)
         a = T.loops.a[r]
         b = T.loops.b[r]

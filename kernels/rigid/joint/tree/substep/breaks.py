@@ -1,14 +1,14 @@
 """Joints of trees that may break: reaction of each in a substep, and the freedom of links behind what broke.
 
-The joint of such a link has six dofs: three slides, then hinges or a ball. Those that it locks have the axis 0 and armature 1.
-So they have S = 0 and a row of H that is the identity, and stay at 0. When it breaks, all six get their axes, and hinges
+The joint of such a link has six dofs: three slides, then hinges or a ball. Those that it locks have the axis 0 and armature
+1. So they have S = 0 and a row of H that is the identity, and stay at 0. When it breaks, all six get their axes, and hinges
 become a ball; the link's motion stays.
 
-    F = sum over the links behind of (p' - p - P) / h - f          p: momentum of a link, P: impulse of its contacts in a substep
-    N = sum of (L' - L - P_L) / h - n + (x - o) x F                o: origin of the joint's frame on the link, mean place
+    F = sum over the links behind of (p' - p - P) / h - f          p: momentum of a link, P: impulse of its contacts and strings
+    N = sum of (L' - L - P_L) / h - n + (x - o) x F                o: origin of the joint's frame b, at the mean place
 
-is what a joint gave in the mean of the substep: F, N over `breaking` of JointTable break it. This is the momentum balance of all
-behind it, so that weight, drives, limits and blows count. x: the mean of both places of a centre of mass. What turns in a
+is what a joint gave in the mean of the substep: F, N over `breaking` of JointTable break it. This is the momentum balance of
+all behind it, so that weight, drives, limits and blows count. x: the mean of both places of a centre of mass. What turns in a
 substep makes N err by that angle times the arm and F; along dofs that nothing drives, limits or rubs, joints give nothing.
 
 (Featherstone 2008, section 5.3: the wrench that a joint transmits.)
@@ -26,6 +26,7 @@ from wsim.kernels.rigid.joint.tables import FREE, NONE
 from wsim.kernels.rigid.joint.tree.actuator_forces import is_actuated
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_velocities, turn_about_unit_axis
 from wsim.kernels.rigid.joint.tree.lanes import any_lane, tree_barrier, tree_lane, tree_lanes
+from wsim.kernels.rigid.joint.tree.loops.strings import has_strings, string_ends
 from wsim.kernels.rigid.joint.tree.mass_matrix import link_inertia_world
 from wsim.kernels.rigid.joint.tree.newton_euler import bounded_decay, gather_tree_wrenches
 from wsim.kernels.rigid.joint.tree.tables import Trees
@@ -150,6 +151,37 @@ def joint_reaction(link: int, T: Trees, J: Linked):
     return torque, force
 
 
+@standalone_function
+@wp.func
+def add_string_wrenches(g: int, h: wp.float64, T: Trees):
+    """N, F of links less what strings gave in a substep of h [s]. One lane."""
+    if tree_lane() == 0:
+        for s in range(T.strings.first_row[g], T.strings.first_row[g + 1]):
+            e = string_ends(s, T)
+            force = (T.strings.sum[s] + T.strings.push[s]) / h * T.strings.n[s]
+            a = T.strings.a[s]
+            b = T.strings.b[s]
+            if a >= 0:
+                T.F[a] = T.F[a] + force
+                T.N[a] = T.N[a] + wp.cross(e.p_a, force)
+            if b >= 0:
+                T.F[b] = T.F[b] - force
+                T.N[b] = T.N[b] - wp.cross(e.p_b, force)
+    tree_barrier()
+
+
+@standalone_function
+@wp.func
+def break_tree_strings(g: int, h: wp.float64, T: Trees, J: Linked):
+    """Strings of a tree that break in a substep of h [s]."""
+    for s in range(T.strings.first_row[g] + tree_lane(), T.strings.first_row[g + 1], tree_lanes()):
+        j = T.strings.joint[s]
+        if wp.abs(T.strings.sum[s] + T.strings.push[s]) > h * J.t.breaking[j][0]:
+            T.breaks.broken[j] = 1
+            T.strings.response[s] = wp.float64(0.0)
+    tree_barrier()
+
+
 @cache
 def tree_break_functions(real):
     """end: function of a tree behind a substep. body: of a link."""
@@ -180,6 +212,9 @@ def tree_break_functions(real):
         for link in range(root + tree_lane(), T.t.first_link[g + 1], tree_lanes()):
             set_mean_wrench(link, root, h, b, T)
         tree_barrier()
+        if has_strings(g, T):
+            add_string_wrenches(g, h, T)
+            break_tree_strings(g, h, T, J)
         gather_tree_wrenches(g, T)
         found = int(0)
         for link in range(root + tree_lane(), T.t.first_link[g + 1], tree_lanes()):

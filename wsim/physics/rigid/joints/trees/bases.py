@@ -6,6 +6,8 @@ import numpy as np
 import warp as wp
 
 from wsim.model.state import StateField, StatePart
+from wsim.physics.rigid.joints.joint import DISTANCE
+from wsim.physics.rigid.joints.trees.strings import is_distance
 
 TWISTS = (StateField("base_v", "m/s", True, "velocity of what a link hangs from", "vec3d"),
           StateField("base_w", "rad/s", True, "its spin", "vec3d"))
@@ -36,8 +38,11 @@ def base_tables(trees) -> tuple[dict[str, Any], list[StatePart]]:
 
 def unsupported_base(joints: list, pairs: np.ndarray, own: list[int], cut: list[int]) -> str:
     """Reason why an island whose base moves has no reduced coordinates, "" if it has. cut: joints that close loops."""
-    hung = [j for j in own if min(pairs[j]) < 0]
+    cut_off = [j for j in own if is_distance(joints[j]) and not joints[j].locked(DISTANCE)]
+    hung = [j for j in own if min(pairs[j]) < 0 and j not in cut_off]
     moved = [j for j in hung if joints[j].motion.moves]
+    if spans := [j for j in moved if is_distance(joints[j])]:
+        return f"{joints[spans[0]].path}: what it hangs from moves, and it keeps one distance from that"
     if moved and cut and len(hung) > 1:
         return f"{joints[moved[0]].path}: what it hangs from moves, and a loop closes to what may move otherwise"
     return ""

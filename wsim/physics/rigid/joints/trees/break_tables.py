@@ -8,13 +8,14 @@ import warp as wp
 from wsim.kernels.rigid.joint.tree.tables import break_struct
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.joint import AXES
+from wsim.physics.rigid.joints.trees.links import may_break
 
 PLACES = ("x", "o", "p", "L", "bear_f", "bear_t")
 
 
 def some_joint_breaks(trees) -> bool:
     """Whether a joint may break. trees: `DeviceTrees`, with links."""
-    return any(trees.links.breaks)
+    return any(trees.links.breaks) or any(may_break(trees.joints[j]) for j in trees.links.strings.joint)
 
 
 def dof_values(trees, name: str) -> np.ndarray:

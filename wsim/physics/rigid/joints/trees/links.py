@@ -11,6 +11,7 @@ import numpy as np
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
 from wsim.physics.rigid.joints.trees.bases import unsupported_base
 from wsim.physics.rigid.joints.trees.loops import LoopRows, closing_joint, mimic_rows, spanning_joints
+from wsim.physics.rigid.joints.trees.strings import StringRows, is_distance
 
 ORDER = ("rotY", "rotZ", "rotX")                    # turns, outermost first: swing, then twist
 STACK = ("rotZ", "rotY", "rotX")                    # of joints whose turns are hinges behind each other
@@ -28,8 +29,8 @@ def joint_freedom(joint: Joint) -> tuple[list[str], list[str], bool]:
 def unsupported_joint(joint: Joint) -> str:
     """Reason why a joint has no reduced coordinates, "" if it has."""
     _, hinges, ball = joint_freedom(joint)
-    if DISTANCE in joint.limits or DISTANCE in joint.drives:
-        return "it limits a distance"
+    if DISTANCE in joint.drives:
+        return "it has a drive along a distance"
     if joint.hinges and may_break(joint):
         return "it may break, and its turns are hinges behind each other"
     if hinges == ["rotY", "rotZ"]:
@@ -92,6 +93,7 @@ class TreeLinks:
     step_start: list[int] = field(default_factory=lambda: [0])
     step_entry: list[int] = field(default_factory=list)
     loops: LoopRows = field(default_factory=LoopRows)
+    strings: StringRows = field(default_factory=StringRows)
 
     def add_link(self, body: int, parent: int, joint: int, given: Joint | None, swapped: bool) -> None:
         """One more link, whose joint is `given`; None: it is free."""
@@ -155,6 +157,7 @@ class TreeLinks:
             self.step_start.append(len(self.step_entry))
         self.first_step.append(len(self.step_start) - 1)
         self.loops.end_tree(len(own))
+        self.strings.end_tree(len(own))
 
 
 def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, first_body: np.ndarray,
@@ -182,10 +185,12 @@ def tree_links(joints: list[Joint], pairs: np.ndarray, first_joint: np.ndarray, 
 def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: list[int], bodies: list[int],
               acted: frozenset[str]) -> str:
     """Adds the links and loops of an island; returns why it has no reduced coordinates."""
-    kept, cut = spanning_joints(joints, pairs, own, acted)
+    far = [j for j in own if is_distance(joints[j])]
+    kept, cut = spanning_joints(joints, pairs, [j for j in own if j not in far], acted)
+    cut += [j for j in far if joints[j].locked(DISTANCE)]
     if why := unsupported_base(joints, pairs, own, cut):
         return why
-    for j in cut:
+    for j in set(cut) - set(far):
         if why := closing_joint(joints[j], acted):
             return f"{joints[j].path}: it closes a loop, and all joints of that have {why} or the like"
     path = _link_order(joints, pairs, kept, bodies)
@@ -197,6 +202,8 @@ def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: lis
         found.add_link(row, numbers.get(parent, -1), j, joints[j] if j >= 0 else None, swapped)
     for j in cut:
         found.loops.add_joint(j, joints[j], (numbers[int(pairs[j][0])], numbers[int(pairs[j][1])]))
+    for j in set(far) - set(cut):
+        found.strings.add_string(j, joints[j], (numbers[int(pairs[j][0])], numbers[int(pairs[j][1])]))
     why = mimic_rows(found.loops, joints, own, link_of, found)
     weak = [joints[j].path for j in own if may_break(joints[j])]
     if weak and len(found.loops.kind) > found.loops.first_row[-1]:
@@ -205,26 +212,42 @@ def _add_tree(found: TreeLinks, joints: list[Joint], pairs: np.ndarray, own: lis
 
 
 def _link_order(joints, pairs, own, bodies) -> list[tuple[int, int, int, bool]] | None:
-    """(body, its parent, joint, whether that is turned round) from a root on, depth first; None: no root will do."""
+    """(body, its parent, joint, whether that is turned round) from roots on, depth first: the world, and a body of each part
+    that nothing joins to others; None: no root will do."""
     near: dict[int, list[int]] = {}
     for j in own:
         for row in pairs[j].tolist():
             near.setdefault(row, []).append(j)
     children = {int(pairs[j][1]) for j in own}
-    roots = [-1] if -1 in near else sorted(bodies, key=lambda row: row in children)
-    for root in roots:
-        order: list[tuple[int, int, int, bool]] = []
-        stack, seen, fits = [(root, -1, -1, False)], set[int](), True
-        while stack and fits:
-            at, parent, by, turned = stack.pop()
-            if at >= 0:
-                order.append((at, parent, by, turned))
-            own_joints = [j for j in near.get(at, []) if j not in seen]
-            seen.update(own_joints)
-            for j in own_joints[::-1]:
-                swapped = int(pairs[j][0]) != at
-                fits = fits and (not swapped or reversible_joint(joints[j]))
-                stack.append((int(pairs[j][0] if swapped else pairs[j][1]), at, j, swapped))
-        if fits:
-            return order
-    return None
+    found: list[tuple[int, int, int, bool]] = []
+    for first in [-1] * (-1 in near) + bodies:
+        done = {row for row, *_ in found}
+        if first in done:
+            continue
+        part = {row for row, *_ in _walk_joints(joints, pairs, near, first)[0]}
+        roots = [-1] if first < 0 else sorted((row for row in bodies if row in part), key=lambda row: row in children)
+        for root in roots:
+            order, fits = _walk_joints(joints, pairs, near, root)
+            if fits:
+                break
+        else:
+            return None
+        found += order
+    return found
+
+
+def _walk_joints(joints, pairs, near: dict[int, list[int]], root: int) -> tuple[list[tuple[int, int, int, bool]], bool]:
+    """(bodies from a root on, as `_link_order`; whether each joint may be taken that way round)."""
+    order: list[tuple[int, int, int, bool]] = []
+    stack, seen, fits = [(root, -1, -1, False)], set[int](), True
+    while stack:
+        at, parent, by, turned = stack.pop()
+        if at >= 0:
+            order.append((at, parent, by, turned))
+        own_joints = [j for j in near.get(at, []) if j not in seen]
+        seen.update(own_joints)
+        for j in own_joints[::-1]:
+            swapped = int(pairs[j][0]) != at
+            fits = fits and (not swapped or reversible_joint(joints[j]))
+            stack.append((int(pairs[j][0] if swapped else pairs[j][1]), at, j, swapped))
+    return order, fits

@@ -6,9 +6,9 @@ from math import asin
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.joint import AXES, SHIFTS, TURNS, Joint
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, TURNS, Joint
 
-SHIFT, TURN, MIMIC = 0, 1, 2
+SHIFT, TURN, MIMIC, SPAN = 0, 1, 2, 3
 X, Y, Z = np.eye(3)
 PAIRS = {("rotY",): ((Z, X),), ("rotZ",): ((Y, X),), ("rotY", "rotZ"): ((Y, X), (Z, X)),             # u on a, s on b
          TURNS: ((Y, X), (Z, X), (Z, Y)), (): ()}
@@ -40,6 +40,12 @@ class LoopRows:
             getattr(self, column).append(value)
 
     def add_joint(self, j: int, joint: Joint, ends: tuple[int, int]) -> None:
+        if DISTANCE in joint.limits:                                # it is locked at a length, of 0 as a ball is
+            length = joint.limits[DISTANCE][0]
+            axes = [X] if length > 0.0 else [X, Y, Z]
+            for axis in axes:
+                self.add_row(SPAN if length > 0.0 else SHIFT, j, ends, (axis, X), coefficients=(length,))
+            return
         for name in SHIFTS:
             if joint.locked(name):
                 self.add_row(SHIFT, j, ends, (np.eye(3)[SHIFTS.index(name)], X))
@@ -116,7 +122,10 @@ def start_violations(rows: LoopRows, frames: dict[str, np.ndarray], q: np.ndarra
             ends.append((at, e) if link < 0 else (places[link] + rotation.quat_rotate(turns[link], at),
                                                   rotation.quat_rotate(turns[link], e)))
         (p_a, u), (p_b, s) = ends
-        found.append(u @ (p_b - p_a) if kind == SHIFT else u @ s)
+        if kind == SPAN:
+            found.append(float(np.linalg.norm(p_b - p_a)) - rows.coefficients[r][0])
+        else:
+            found.append(u @ (p_b - p_a) if kind == SHIFT else u @ s)
     return np.array(found)
 
 
@@ -124,7 +133,7 @@ def loop_gaps(rows: LoopRows, C: np.ndarray) -> tuple[float, float]:
     """Largest gap of joints that close loops, [m] and [rad], of what their equations leave, (rows,)."""
     of = np.tile(np.array(rows.kind, int), len(C) // max(1, len(rows.kind)))
     turned = float(np.abs(C[of == TURN]).max(initial=0.0))
-    return float(np.abs(C[of == SHIFT]).max(initial=0.0)), asin(min(1.0, turned))
+    return float(np.abs(C[(of == SHIFT) | (of == SPAN)]).max(initial=0.0)), asin(min(1.0, turned))
 
 
 def mimic_rows(rows: LoopRows, joints: list[Joint], own: list[int], link_of: dict[int, int], links) -> str:

@@ -20,7 +20,8 @@ from wsim.physics.rigid.joints.trees.break_tables import break_tables, dof_value
 from wsim.physics.rigid.joints.trees.contact_tables import add_soft_tables, contact_tables
 from wsim.physics.rigid.joints.trees.links import FITS, tree_links
 from wsim.physics.rigid.joints.trees.loop_tables import loop_tables, tree_loop_frames
-from wsim.physics.rigid.joints.trees.loops import MIMIC, loop_gaps, start_violations
+from wsim.physics.rigid.joints.trees.loops import MIMIC, TURN, loop_gaps, start_violations
+from wsim.physics.rigid.joints.trees.strings import string_frames, string_tables
 
 COORDINATES = (StateField("joint_q", "", True, "joint coordinates [m], [rad]; of balls quaternions (x, y, z, w)", "double"),)
 SPEEDS = (StateField("joint_qd", "", True, "generalised velocities [m/s], [rad/s]", "double"),)
@@ -103,7 +104,7 @@ class DeviceTrees(DeviceJoints):
         self.tree_parts += parts
         more = bases | {"breaks": break_tables(self, t), "first_column": up(of_worlds("first_column"), int)}
         more |= contact_tables(self)
-        loops = loop_tables(self, sizes)
+        loops, more["strings"] = loop_tables(self, sizes), string_tables(self, sizes)
         self.trees = fill_struct(Trees, t=t, q=self.q, qd=self.qd, loops=loops(), **more, **self._tree_work(sizes, worlds))
         if self.touching:                                     # a second place for what a prediction works with
             scratch = {name: wp.zeros_like(array) for name, array in (("q", self.q), ("qd", self.qd))}
@@ -174,9 +175,10 @@ class DeviceTrees(DeviceJoints):
         q = start_coordinates(self.links, self._link_frames(), places, turns, self.joints, broken)
         C, loops = start_violations(self.links.loops, tree_loop_frames(self), q, places, turns), self.links.loops
         for r, gap in enumerate(np.abs(C).tolist()):
-            if loops.kind[r] != MIMIC and gap > FITS[loops.kind[r]]:
+            turns = int(loops.kind[r] == TURN)
+            if loops.kind[r] != MIMIC and gap > FITS[turns]:
                 raise ValueError(f"{self.joints[loops.joint[r]].path}: its bodies stand {gap:.3g} "
-                                 f"{('m', 'rad')[loops.kind[r]]} off from what it allows")
+                                 f"{('m', 'rad')[turns]} off from what it allows")
         if (jump := np.abs(C[np.array(loops.kind, int) == MIMIC]).max(initial=0.0)) > FITS[1]:
             self.ignored = (f"a joint starts {jump:.3g} m or rad off from the joint that it mimics, and jumps there; fix: "
                             "author poses that agree with the mimics")
@@ -252,7 +254,8 @@ class DeviceTrees(DeviceJoints):
                                                 for w in range(self.model.worlds)])
         t.mass.assign(np.array([masses[k].mass for k in rows]))
         t.moments.assign(np.array([masses[k].moments for k in rows]))
-        for table, frames in ((t, self._link_frames()), (self.trees.loops, tree_loop_frames(self))):
+        for table, frames in ((t, self._link_frames()), (self.trees.loops, tree_loop_frames(self)),
+                              (self.trees.strings, string_frames(self))):
             for name, values in frames.items():
                 getattr(table, name).assign(np.tile(values, (self.model.worlds, 1)))
         self.stale |= changed
@@ -284,6 +287,7 @@ class DeviceTrees(DeviceJoints):
     @property
     def what(self) -> str:
         trees = int((np.diff(self.order.first_joint) > 0).sum())
-        rows = len(self.links.loops.kind) * self.model.worlds
+        rows, strings = (n * self.model.worlds for n in (len(self.links.loops.kind), len(self.links.strings.joint)))
         return (f"{trees} trees of {self.links.first_dof[-1] * self.model.worlds} degrees of freedom in reduced coordinates"
-                + f", {rows} equations of loops and mimics" * (rows > 0))
+                + f", {rows} equations of loops and mimics" * (rows > 0)
+                + f", {strings} strings" * (strings > 0))
