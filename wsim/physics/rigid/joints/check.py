@@ -14,6 +14,8 @@ UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions 
 CLOSED = 1e-3                # [m], [rad] by which a joint may start apart without a word
 TINY = 1e-9                  # [rad] of a cone that is closed
 NAMES = (*AXES, DISTANCE)
+LARGEST = 1e15               # [N/m], [N], ... of what drives: beside more, double precision keeps no other force
+SAME = 1e-6                  # of a singular value over the largest: rows that lock the same
 
 
 def check(joint: Joint, scene: Scene) -> Iterator[Problem]:
@@ -21,6 +23,7 @@ def check(joint: Joint, scene: Scene) -> Iterator[Problem]:
     yield from wrong
     if not any(p.fatal for p in wrong):
         yield from _check_joint_closed(joint, scene)
+        yield from _check_joint_twins(joint, scene)
 
 
 def _check_joint_bodies(joint: Joint, scene: Scene) -> Iterator[Problem]:
@@ -63,9 +66,15 @@ def _check_joint_numbers(joint: Joint) -> Iterator[Problem]:
             if not value >= 0.0 or (value == inf and field != "most"):
                 yield thing_error(path, f"{field} of the drive of {name} is {value:g}", "finite and >= 0",
                                    f"author another {field}: a drive that pushes the other way has another target")
+            elif value > LARGEST and field != "most":                       # files say no limit by such numbers
+                yield thing_error(path, f"{field} of the drive of {name} is {value:g}", f"up to {LARGEST:g}",
+                                   f"author a smaller one; where {name} is not to move, lock it by two equal limits")
         if not (isfinite(drive.target) and isfinite(drive.speed)):
             yield thing_error(path, f"the drive of {name} goes to {drive.target:g} at {drive.speed:g}", "finite numbers",
                                "author another target")
+        elif max(abs(drive.target), abs(drive.speed)) > LARGEST:
+            yield thing_error(path, f"the drive of {name} goes to {drive.target:g} at {drive.speed:g}",
+                               f"sizes up to {LARGEST:g}", "author another target or speed")
         if joint.locked(name):
             yield object_warning(path, f"drives {name}, which its limits lock", "drives of axes that are free, or have a range",
                                  f"give {name} limits that leave it room, or take the drive away")
@@ -82,8 +91,8 @@ def _check_passive_terms(joint: Joint, scene: Scene) -> Iterator[Problem]:
     path = joint.path
     for field in PASSIVE:
         for name, value in getattr(joint, field).items():
-            if name not in AXES or not 0.0 <= value < inf:
-                yield thing_error(path, f"{field} of {name} is {value:g}", f"finite and >= 0, of {', '.join(AXES)}",
+            if name not in AXES or not 0.0 <= value <= LARGEST:
+                yield thing_error(path, f"{field} of {name} is {value:g}", f"from 0 to {LARGEST:g}, of {', '.join(AXES)}",
                                   f"author another {field}")
     others = {other.path: other for other in scene.things("Joint") if other.enabled}
     for name, mimic in joint.mimics.items():
@@ -113,6 +122,32 @@ def joint_frames_at_start(joint: Joint, scene: Scene) -> list[np.ndarray]:
         F[:3, :3], F[:3, 3] = rotation.quaternion_to_matrix(rotation.unit_quat(turn)), at
         found.append(M @ F)
     return found
+
+
+def _locked_rows(joint: Joint, scene: Scene) -> np.ndarray:
+    """What a joint locks at the start: rows over angular velocity, and velocity at the origin, of side 1 against side 0."""
+    A, B = joint_frames_at_start(joint, scene)
+    rows = [np.concatenate([np.cross(B[:3, 3], A[:3, k]), A[:3, k]]) for k in range(3) if joint.locked(SHIFTS[k])]
+    rows += [np.concatenate([A[:3, k], np.zeros(3)]) for k in range(3) if joint.locked(TURNS[k])]
+    return np.array(rows).reshape(-1, 6)
+
+
+def _check_joint_twins(joint: Joint, scene: Scene) -> Iterator[Problem]:
+    """A joint that joins the same two bodies as one before, where one of them changes nothing, or both leave nothing free."""
+    own = {joint.body0 or joint.still, joint.body1 or joint.still}
+    for other in scene.things("Joint"):
+        if other is joint or not joint.enabled:
+            return
+        if not other.enabled or {other.body0 or other.still, other.body1 or other.still} != own:
+            continue
+        both = [_locked_rows(each, scene) for each in (joint, other)]
+        alone, together = [len(rows) for rows in both], np.concatenate(both)
+        rank = int(np.linalg.matrix_rank(together, tol=SAME * np.linalg.norm(together))) if min(alone) else 7
+        said = "one of them locks nothing more" if rank <= max(alone) else "together they leave nothing free"
+        if rank <= max(alone) or rank == 6 > max(alone):
+            yield object_warning(joint.path, f"joins the same two bodies as {other.path}, and {said}",
+                                 "one joint of two bodies, or joints that leave a motion in common",
+                                 "disable one of them (physics:jointEnabled = 0)")
 
 
 def _check_joint_closed(joint: Joint, scene: Scene) -> Iterator[Problem]:

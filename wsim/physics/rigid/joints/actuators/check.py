@@ -1,9 +1,10 @@
 """What can be wrong with an actuator. NumPy only."""
 
 from collections.abc import Iterator
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
 
 from wsim.physics.rigid.joints.actuators.actuator import Actuator
+from wsim.physics.rigid.joints.check import LARGEST
 from wsim.physics.rigid.joints.joint import AXES
 from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import object_warning, thing_error
@@ -35,6 +36,11 @@ def _check_numbers(actuator: Actuator) -> Iterator[Problem]:
     for name in ("gear", "gain"):                    # the control is a value, and checked as such
         if not isfinite(getattr(actuator, name)):
             yield thing_error(path, f"{name} is {getattr(actuator, name):g}", "a finite number", f"author another {name}")
+    gear, gain = max(1.0, abs(actuator.gear)), abs(actuator.gain) * max(1.0, abs(actuator.control))
+    most = gear * max(gain, *(gear * abs(b) for b in actuator.bias))
+    if LARGEST < most < inf:
+        yield thing_error(path, f"gear, gain, bias and control make {most:g} of a coordinate of 1", f"up to {LARGEST:g}",
+                          "author smaller ones; a joint that is not to move has two equal limits")
     if actuator.gear == 0.0:
         yield thing_error(path, "gear is 0, so that it moves nothing", "a number other than 0", "author another gear")
     if not all(map(isfinite, actuator.bias)):
