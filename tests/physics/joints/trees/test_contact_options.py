@@ -81,6 +81,42 @@ def test_a_soft_contact_moves_as_in_mujoco(shape, settings):
     assert np.abs(ours - theirs).max() < 1e-9 * (0.1 - min(theirs))
 
 
+def creeping_box(angle: float, frames: int, **softness) -> np.ndarray:
+    """Places of a box on a slope of friction 0.8 that it does not slip on, (frames, 3): x down the slope, z across."""
+    scene = soft_box(Box((0.1, 0.1, 0.1)), **softness)
+    scene.gravity = (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))
+    for collider in (*scene.colliders, *scene.things("Body")[0].colliders):
+        collider.static_friction = collider.dynamic_friction = 0.8
+    simulation = wsim.Simulation(scene, device="cpu", precision="float64")
+    return np.array([simulation.poses()["/b"][:3, 3] for _ in simulation.frames(frames)])
+
+
+def test_a_box_creeps_down_a_slope_as_its_regulariser_says():
+    """b u = R f with f = m g sin(angle) / 4 at each point, b = 2 / (d_max t), R = (1 - d) / (d m): 1 % for d of each depth."""
+    x = creeping_box(0.2, 240)[:, 0]
+    d = SOLIMP[0]
+    creep = (1.0 - d) / d * 9.81 * np.sin(0.2) / 4.0 * SOLIMP[1] * SOLREF[0] / 2.0
+    assert (x[-1] - x[-121]) * 480 / 120 == pytest.approx(creep, rel=0.02)
+
+
+@pytest.mark.parametrize("settings", [{}, {"solref": (0.05, 0.7)}, {"solimp": (0.5, 0.9, 0.01, 0.5, 2.0)}])
+def test_a_box_creeps_down_a_slope_as_in_mujoco(settings):
+    mujoco = pytest.importorskip("mujoco")
+    softness = " ".join(f'{name}="{" ".join(map(str, value))}"' for name, value in settings.items()) + ' friction="0.8"'
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="{1 / 480}" cone="elliptic" tolerance="1e-13" iterations="300" '
+        f'gravity="{9.81 * np.sin(0.3)} 0 {-9.81 * np.cos(0.3)}"/><worldbody>'
+        f'<geom type="plane" size="50 50 1" {softness}/>'
+        f'<body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="8" {softness}/></body>'
+        '</worldbody></mujoco>')
+    data, theirs = mujoco.MjData(model), []
+    for _ in range(120):
+        mujoco.mj_step(model, data)
+        theirs.append(data.qpos[:3].copy())
+    ours, way = creeping_box(0.3, 120, **settings), theirs[-1][0]
+    assert way > 1e-5 and np.abs(ours - theirs)[:, 0].max() < 2e-3 * way
+
+
 def test_softness_is_saved_and_loaded(tmp_path):
     scene = soft_box(Sphere(0.1), solref=(0.05, 0.7))
     save(scene, tmp_path / "soft.usda")

@@ -114,6 +114,18 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
             wants = goal(rig.work.now[j], push, h, most, biased)
         return wants
 
+    @wp.func
+    def point_friction(j: int, u: t.vec3, n: t.vec3, push: real, mu: t.vec2, rig: Rig):
+        """(friction impulse of point j, which slips at u; its mean response)."""
+        K = rig.work.K[j]
+        was = rig.c.rub[j]
+        slip = u
+        if wp.static(soft_model):
+            soft = rig.work.when[j]
+            K = t.vec3(K[0] + soft, K[1], K[2] + soft)
+            slip = u - rig.work.scrape[j] + soft * was
+        return rubbed(was, slip, n, K, push, mu), real(0.5) * (K[0] + K[2])
+
     @standalone_function
     @wp.func
     def normal_impulses(m: int, h: real, biased: int, u: t.vec4, before: t.vec4, rig: Rig):
@@ -165,7 +177,7 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
                         by = rig.work.slip_by_push[16 * m + 4 * i + e]
                         u1[i] = u1[i] + more[e] * by[0]
                         u2[i] = u2[i] + more[e] * by[1]
-                rub = rubbed(rig.c.rub[j], u1[i] * t1 + u2[i] * t2, n, rig.work.K[j], before[i] + more[i], friction_of(m, rig))
+                rub, _ = point_friction(j, u1[i] * t1 + u2[i] * t2, n, before[i] + more[i], friction_of(m, rig), rig)
                 d = rub - rig.c.rub[j]
                 for e in range(4):
                     if e > i and e < count:
@@ -197,9 +209,8 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
             bears = A[i, i] * push
             if wants[0] > real(0.0) and A[i, i] > real(0.0):
                 found = wp.max(found, wp.abs(wp.min(bears, wp.dot(n, u) + wants[1] + wants[2] * bears)))
-            K = rig.work.K[j]
-            more = rubbed(rig.c.rub[j], u, n, K, push, friction_of(m, rig)) - rig.c.rub[j]
-            found = wp.max(found, real(0.5) * (K[0] + K[2]) * wp.length(more))
+            rub, response = point_friction(j, u, n, push, friction_of(m, rig), rig)
+            found = wp.max(found, response * wp.length(rub - rig.c.rub[j]))
         return found
 
     @wp.func

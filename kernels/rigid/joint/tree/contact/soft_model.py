@@ -1,12 +1,14 @@
-"""MuJoCo's soft contact, along the normal: a reference acceleration and a regulariser R, from solref and solimp.
+"""MuJoCo's soft contact: a reference acceleration and a regulariser R, from solref and solimp.
 
     a_ref = -b u - k r,   b = 2 / (d_max t),   k = d(r) / (d_max t zeta)^2             solref = (t, zeta)
     R = (1 - d) / d (A_a + A_b)                                                        d: impedance at the depth |r|, solimp
     0 <= f,   u' - u - h a_ref + h R f >= 0,   one of them 0                           where points overlap, r < 0
+    u_t' - u_t + h b u_t + h R f_t = 0,   |f_t| <= mu f                                along tangents: it sticks, and creeps
 
 with u, r where the substep begins. A_a, A_b: translational responses of both bodies at their centres, the mean over axes, as
 MuJoCo has them (`invweight0`), but where the joints are now. solref below 0 is (-k, -b) d_max^2 and d_max, as there. Shapes are
-mixed by the mean. Friction stays Coulomb's, without a regulariser.
+mixed by the mean. R along tangents is that along the normal (impratio 1). What slips does so by Coulomb's law; MuJoCo's convex
+cone lifts it by mu times the slip besides.
 
 (Todorov 2014, Convex and analytically-invertible dynamics with contacts and constraints; MuJoCo, Computation.)
 """
@@ -73,7 +75,8 @@ def central_response(D: mat66d, x: wp.vec3d):
 
 @cache
 def soft_goal_func(real, moving: bool):
-    """Function of a manifold m: `goal`, u + h a_ref of its points, and `hit`, R over their response."""
+    """Function of a manifold m: of its points `goal`, u + h a_ref along n, and `scrape`, across it; `hit`, R over their
+    response, and `when`, R."""
     Rig, links = rig_type(real), link_pair_functions(real, moving)
     read, slip = links.read, links.slip
 
@@ -101,11 +104,15 @@ def soft_goal_func(real, moving: bool):
             for i in range(rig.c.count[m]):
                 j = 4 * m + i
                 gap = wp.float64(rig.work.now[j])
-                u = wp.float64(wp.dot(rig.c.n[m], slip(pair, m, i, rig)))
+                slides = slip(pair, m, i, rig)
+                u = wp.float64(wp.dot(rig.c.n[m], slides))
                 d = contact_impedance(imp, wp.abs(gap))
                 gains = reference_gains(ref, d, imp[1], h)
                 rig.work.goal[j] = real(u - h * (gains[1] * u + gains[0] * gap))
-                rig.work.hit[j] = real((wp.float64(1.0) - d) / d * whole / wp.max(wp.float64(A[i, i]), wp.float64(1.0e-30)))
+                R = (wp.float64(1.0) - d) / d * whole
+                rig.work.hit[j] = real(R / wp.max(wp.float64(A[i, i]), wp.float64(1.0e-30)))
+                rig.work.when[j] = real(R)
+                rig.work.scrape[j] = real(wp.float64(1.0) - h * gains[1]) * (slides - real(u) * rig.c.n[m])
             tree_barrier()
 
     return note_soft_goals
