@@ -6,7 +6,7 @@ import pytest
 from tests.make.physics.rigid.contact import UP, ball, box
 from tests.make.physics.rigid.touch.scene import falls
 from tests.physics.rigid.touch.touching import grid, run, scene
-from wsim.physics.rigid.touch import points
+from wsim.physics.rigid.touch import worlds
 from wsim.scene import Plane, Scene
 from wsim.scene.curve import Motion
 
@@ -25,7 +25,7 @@ def two(**more) -> Scene:
 
 def ends(found: Scene, few: int, monkeypatch, **more):
     """Places of points and bodies after so many frames."""
-    monkeypatch.setattr(points, "FEW", few)
+    monkeypatch.setattr(worlds, "FEW", few)
     sim = run(found, **more)
     assert (sim.plan.ports.moving_bodies.worlds is None) == (few == 0)
     sim.run(8)
