@@ -237,6 +237,42 @@ def test_shapes_that_cannot_pour_are_refused():
         scene.particles("/worst", wsim.Sphere(0.03), radius=0.01, pour=3.0)
 
 
+@pytest.mark.parametrize(("kind", "body", "api", "said"), [
+    ("Mesh", "point3f[] points = [(0,0,0),(1,0,0),(0,1,0)]\nint[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0,1,2]",
+     "", "its mesh is open"),
+    ("Sphere", "double radius = -1", "", "-1"), ("Cube", "", '"PhysicsRigidBodyAPI", ', "allowed is one of them"),
+    ("Plane", "", "", "has no end to fill"), ("Xform", "", "", "is a Xform")])
+def test_prims_that_cannot_be_filled_are_refused_in_a_line(tmp_path, kind, body, api, said):
+    file = tmp_path / "bad.usda"
+    file.write_text(f"""#usda 1.0
+(metersPerUnit = 1)
+def {kind} "P" (prepend apiSchemas = [{api}"WsimParticlesAPI"])
+{{
+{body}
+double wsim:particles:radius = 0.05
+}}
+""")
+    with pytest.raises(wsim.SceneError) as refused:
+        wsim.Simulation(wsim.load(file), device="cpu")
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 1 and said in lines[0] and len(lines[0]) < 300
+
+
+def test_particles_that_are_colliders_too_are_particles(tmp_path):
+    """Files of PhysX have PhysicsCollisionAPI on particles."""
+    file = tmp_path / "both.usda"
+    file.write_text("""#usda 1.0
+(metersPerUnit = 1)
+def Sphere "P" (prepend apiSchemas = ["WsimParticlesAPI", "PhysicsCollisionAPI"])
+{
+    double radius = 0.1
+    double wsim:particles:radius = 0.02
+}
+""")
+    scene = wsim.load(file)
+    assert len(scene.things("Particles")) == 1 and not scene.colliders
+
+
 def test_a_sink_where_nothing_can_vanish_is_warned_of():
     scene = make_scene(2)
     scene.cloth("/cloth", [(0, 0, 0), (1, 0, 0), (0, 0, 1)], [3], [0, 1, 2])

@@ -24,6 +24,9 @@ def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
     if thing.pour:
         yield from _check_pour(thing, scene)
         return
+    if thing.shape is not None and (broken := list(_check_shape(thing))):
+        yield from broken
+        return
     if n == 0:
         yield thing_error(path, "no particles", "one at least", "give points, a larger shape, or a smaller radius")
         return

@@ -192,7 +192,7 @@ def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
 def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None) -> np.ndarray:
     """Places of a cubic lattice of edge 2 radius, LOOSE times that of grains, within a closed shape, in its own frame (n, 3)
     [m], each moved at random within what that leaves free. Balls about them lie within a convex shape, and do not overlap.
-    Raises SceneError where there is not one radius."""
+    Raises SceneError where there is not one radius, or a mesh has no inside."""
     from wsim.physics.particles.lattice import index_block, indices_inside_mesh
     from wsim.scene import Plane, Problem, SceneError, Surface
     from wsim.scene.solids import shape_row
@@ -204,6 +204,9 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
     edge = lattice_edge(float(radius), material == "fluid" or isinstance(material, ConstraintFluid))
     free = 0.5 * edge - float(radius)
     if isinstance(shape, Surface):
+        from wsim.physics.particles.check_shapes import check_volume_shape
+        if broken := [problem for problem in check_volume_shape(path, shape) if problem.fatal]:
+            raise SceneError(broken)
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
         _check_lattice_size(path, radius, float(np.prod(end - begin, dtype=np.float64)))

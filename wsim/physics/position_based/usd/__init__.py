@@ -16,7 +16,7 @@ from wsim.scene import Plane, SceneError
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute, to_usd_array
-from wsim.usd.stage import StageReading, StageUnits
+from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import author_motion, read_placement
 
 POURS = ("pour_start", "pour_end", "pour_rate")
@@ -24,8 +24,17 @@ SHAPES = "Points, a closed Mesh, a Cube, Sphere, Capsule, Cylinder or Cone"
 UNLIKE = 1e-3              # of a radius by which widths and a rest offset may differ unsaid
 
 
+def within(reading: StageReading, prim: Usd.Prim) -> list:
+    """Paths of prims that are no colliders of the scene: its own, since particles meet everything anyway."""
+    return [prim.GetPath()]
+
+
 def load(reading: StageReading, prim: Usd.Prim) -> Particles | None:
     """The particles of a prim; None if it is broken, or left out (reported)."""
+    if names.RIGID_BODY in applied_schemas(prim):
+        reading.fail(prim.GetPath(), f"has {names.WSIM_PARTICLES} and {names.RIGID_BODY}; allowed is one of them: take the "
+                     "other away")
+        return None
     named = read_attribute(prim, "Particles", "material", reading.units)
     hints = read_physx_hints(reading, prim, None if named is None else named == "fluid")
     if hints.left_out:
