@@ -232,8 +232,9 @@ def warm_kernel(real, module):
                 given += L
             if wp.length_sq(L) > real(0.0) or b + wp.dot(n, g.u[k] - g.u[other]) < real(0.0):
                 pressed += real(1.0)
-        if not carried and g.held[k][3] == real(SETTLED):
-            given += (h * h) * support_before.load[p]
+        if not carried and g.held[k][3] >= real(SETTLED):
+            rested = wp.min(g.held[k][3] / wp.max(g.held[k][2], real(1.0)), real(1.0))
+            given += (rested * h * h) * support_before.load[p]
         d_out[i] = d_out[i] + g.w[i] * given
         g.split[k] = pressed * g.w[i]
 

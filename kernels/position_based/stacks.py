@@ -37,10 +37,12 @@ from wsim.kernels.motion.points import point_constants
 from wsim.kernels.position_based.grains import grain_structs
 from wsim.kernels.position_based.neighbours import neighbour_structs
 
-STEEP = 0.4            # n.up from which a contact carries; less: more of wedges, whose pushes grow
+STEEP = 0.55           # n.up from which a contact carries; at 0.4 a squeezed pile throws grains half as fast again
 HELD = 0.5             # of gravity
 MORE = 2.0             # times that a contact may begin with what it has borne: 1 lets layers sink while they land
-SETTLED = 8.0          # substeps that a grain has rested on no other before it gives its load to what it stands on
+SETTLED = 8.0          # substeps that a grain has rested on no other before it gives its load to what it stands on,
+#                        of its weight as often as substeps have passed: what rests for a moment is not thrown
+DEEPEST = 1e4          # times its weight, that a grain passes on at most
 
 
 @cache
@@ -80,7 +82,7 @@ def stack_gather_kernel(real, module):
         part = before.part[p]
         bears = real(0.0)
         if size > real(0.0):
-            bears = wp.max(-wp.dot(up, before.load[p]) * g.w[i] / size, real(0.0))
+            bears = wp.clamp(-wp.dot(up, before.load[p]) * g.w[i] / size, real(0.0), real(DEEPEST))
         if rows.group[p] >= 0 or size == real(0.0):
             felt = -real(1.0)
         g.held[k] = t.vec4(felt, part, bears, before.ground[p])
@@ -103,7 +105,7 @@ def support_kernel(real, module):
         fall = g.up[k][3] * h * h
         carried = real(0.0)
         load = t.vec3()
-        ground = wp.min(g.held[k][3] + real(1.0), real(SETTLED))
+        ground = wp.min(g.held[k][3] + real(1.0), real(DEEPEST))
         for s in range(q.count[k]):
             slot = s * q.size + k
             if q.support[slot] == 1:
@@ -111,7 +113,11 @@ def support_kernel(real, module):
                 carried += g.w[i] * wp.dot(up, q.L[slot])
             elif q.support[slot] == -1:
                 others = g.held[q.other[slot]]
-                load += ((real(1.0) + others[2]) / (h * h * wp.max(others[1], real(1.0)))) * q.L[slot]
+                L = q.L[slot]
+                weight = fall / g.w[rows.point[q.id[slot]]]            # of the other, times h^2: a blow passes on no more
+                borne = wp.length(L) / wp.max(others[1], real(1.0))
+                if borne > real(0.0):
+                    load += ((real(1.0) + others[2]) * wp.min(borne, weight) / (h * h * wp.length(L))) * L
         after.felt[p] = real(0.0)
         after.part[p] = real(0.0)
         after.load[p] = load
