@@ -13,9 +13,9 @@ from tools.scenes.animation import ANIMATION_SCENES
 from tools.scenes.bodies import BODY_SCENES
 from tools.scenes.cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes.clusters import CLUSTER_SCENES
-from tools.scenes.concave import CONCAVE_SCENES
 from tools.scenes.fluid import FLUID_SCENES
 from tools.scenes.grains import GRAIN_SCENES
+from tools.scenes.machines import MACHINE_SCENES
 from tools.scenes.rigid import RIGID_SCENES
 from tools.scenes.rods import ROD_SCENES
 from tools.scenes.skeleton import SKELETON_SCENES
@@ -141,5 +141,5 @@ def shirt() -> str:
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **CONCAVE_SCENES, **FLUID_SCENES, **GRAIN_SCENES, **ANIMATION_SCENES,
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **MACHINE_SCENES, **FLUID_SCENES, **GRAIN_SCENES, **ANIMATION_SCENES,
           **SKELETON_SCENES, **ROD_SCENES, **TOUCHING_SCENES, **WORN_SCENES, **CLUSTER_SCENES}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tools.scenes.concave import gear_grid, loop_faces, torus_grid
+from tools.scenes.machines import gear_grid, loop_faces, torus_grid
 from wsim import Surface
 
 
