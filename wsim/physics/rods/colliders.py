@@ -5,10 +5,24 @@ import warp as wp
 
 from wsim.geometry.rotation import matrix_quat
 from wsim.kernels.contact.collider import shape
+from wsim.kernels.rods.contact import STIFF
 from wsim.physics.contact.collider.mesh import ColliderMesh
 from wsim.physics.contact.collider.rows import fill_collider_table
+from wsim.physics.rods.shape import longest_tight_step
 from wsim.scene import Surface, solids
+from wsim.scene.bodies import DefaultCount
 from wsim.scene.solids import shape_row
+
+LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
+SUNK, MOST = 0.1, 400         # part of a diameter that tight strands may sink; substeps a frame that they get for it at most
+
+
+def longest_strand_substep(table, scene, dt: float) -> float:
+    """[s]; shorter where strands are tight round colliders at the start, and the scene leaves substeps free."""
+    if not scene.colliders or not isinstance(scene.substeps, DefaultCount):
+        return LONGEST
+    tight = longest_tight_step(table.x, table.values, table.hold >= 0, table.own_counts, float(STIFF), SUNK)
+    return max(min(LONGEST, tight), dt / MOST)
 
 
 def deforms_for_strands(of) -> bool:

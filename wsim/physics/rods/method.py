@@ -14,7 +14,7 @@ from wsim.model.stage import Clock, Method, Ports, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
-from wsim.physics.rods.colliders import StrandObstacles
+from wsim.physics.rods.colliders import StrandObstacles, longest_strand_substep
 from wsim.physics.rods.forces import StrandLoads, StrandReactions
 from wsim.physics.rods.tables import StrandTable
 from wsim.scene import Scene
@@ -37,7 +37,7 @@ FIELDS = (StateField("x", "m", True, "position relative to the strand's first po
 EDGES = tuple(field for k, which in ((1, "first"), (2, "second")) for field in (
     StateField(f"stick{k}", "m", True, f"bristle of the {which} place where an edge touches a collider between its points",
                "vec3d"), StateField(f"load{k}", "N", True, "normal force of a collider there", "double")))
-LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
+DEEP = 0.5                    # of a diameter: from where on strands in colliders are told
 APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
 
@@ -75,7 +75,8 @@ class RodMethod(Method):
         touching = any(each.self_collision for each in rods)
         meeting = bool(touching and has_self_collision(b.scene) and b.model.bodies)  # surfaces: in their substeps
         bearing = bool(b.scene.things("Body") and method_file("Body", "solids").bodies_met_by_strands(b.scene))   # rigid bodies
-        self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
+        longest = longest_strand_substep(t, b.scene, b.clock.dt)
+        self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / longest - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = StrandObstacles(b.scene.colliders, device, self.substeps)
         names = self.obstacles.kinds
@@ -249,7 +250,7 @@ class RodMethod(Method):
             if (worst := float(left[own].max(initial=0.0))) > float(TOLERANCE):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
                               "{worst} of an edge's length in a substep; give more substeps"))
-            if (inside := float(deep[own].max(initial=0.0))) > np.max(rods.diameters):
+            if (inside := float(deep[own].max(initial=0.0))) > DEEP * np.max(rods.diameters):
                 found.append((("rods deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
                               "colliders: these left no room there, came in one substep, or a tight rope pressed on them; "
                               "give more room, or smaller widths, or more substeps"))

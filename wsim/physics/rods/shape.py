@@ -61,3 +61,22 @@ def transported_directors(rest: np.ndarray, m: np.ndarray, x: np.ndarray) -> np.
     a, b = unit_vectors(np.diff(rest, axis=1)), unit_vectors(np.diff(x, axis=1))
     found = transport_directors(a, b, m)
     return unit_vectors(found - b * np.sum(found * b, -1, keepdims=True))
+
+
+def longest_tight_step(x: np.ndarray, values: dict[str, np.ndarray], held: np.ndarray, counts: np.ndarray, stiff: float,
+                       part: float) -> float:
+    """Longest substep [s] in which colliders that tight strands press on let them sink by no more than a part of their
+    diameter; inf: none is tight along a bend. x (points, strands, 3) [m]; values: length [m], A [N/m], m [kg], radius [m] of a
+    strand table; held (points, strands): pinned; counts of points of strands.
+
+    A point between edges of tensions T_i along t_i presses with F = |T_1 t_1 - T_0 t_0|, and sinks by F h^2 / (stiff m)
+    (kernels/rods/contact.py)."""
+    edges = np.diff(x, axis=0)
+    size = np.linalg.norm(edges, axis=2)
+    n = len(size)
+    tension = np.maximum(values["A"][:n] * (size - values["length"][:n]), 0.0)
+    pulls = tension[:, :, None] * unit_vectors(edges)
+    force = np.linalg.norm(pulls[1:] - pulls[:-1], axis=2)                               # of the points between edges
+    inner = (np.arange(1, n)[:, None] < counts - 1) & ~held[1:n] & (tension[1:] > 0.0) & (tension[:-1] > 0.0) & (force > 0.0)
+    deep = part * 2.0 * values["radius"][1:n] * stiff * values["m"][1:n]
+    return float(np.sqrt(np.min(deep[inner] / force[inner], initial=np.inf)))
