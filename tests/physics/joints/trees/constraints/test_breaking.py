@@ -53,7 +53,7 @@ def test_a_rod_breaks_off_at_the_force_of_the_closed_form():
     rod = scene.body("/rod", Box((0.5, 1e-4, 1e-4)), at=(0.5, 0, 0), mass=2.0)
     rod.colliders[0].meets = False
     force = 2.0 * G * np.sqrt(6.25 * np.sin(a)**2 + np.cos(a)**2 / 16.0)
-    scene.joint("revolute", "/hinge", None, rod, axis=(0, 0, 1), force=float(force))
+    scene.joint("revolute", "/hinge", None, rod, axis=(0, 0, 1), force=force)                       # a number of NumPy
     simulation = start(scene)
     assert run_until_broken(simulation, fps) > 0
     x = simulation.poses()["/rod"][:3, 0]

@@ -44,7 +44,7 @@ def unsupported_joint(joint: Joint) -> str:
 
 def may_break(joint: Joint | None) -> bool:
     """Whether a joint has a force or torque over which it breaks; None: of a free body."""
-    return joint is not None and min(joint.force, joint.torque) < inf
+    return joint is not None and bool(min(joint.force, joint.torque) < inf)
 
 
 def reversible_joint(joint: Joint) -> bool:
