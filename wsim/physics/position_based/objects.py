@@ -213,10 +213,11 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
         inside = indices_inside_mesh(shape, np.eye(4), begin, end, lambda x: x / edge - 0.5)
         places = (index_block(begin, end)[inside] + 0.5) * edge
     else:
-        most = int(np.ceil(float(shape_row(shape).ball(shape)) / edge)) + 1
-        _check_lattice_size(path, radius, (2.0 * most) ** 3)
-        size = np.array([np.floor(2.0 * h / edge + 1e-6) for h in getattr(shape, "half", (0.0,) * 3)])
-        lattice = (index_block((-most,) * 3, (most,) * 3) + 0.5 * (size % 2 == 0)) * edge
+        half = np.array(getattr(shape, "half", (float(shape_row(shape).ball(shape)),) * 3), float)
+        most = np.ceil(half / edge).astype(int) + 1
+        _check_lattice_size(path, radius, float(np.prod(2.0 * most)))
+        size = np.floor(2.0 * half / edge + 1e-6) if hasattr(shape, "half") else np.zeros(3)
+        lattice = (index_block(tuple(-most), tuple(most)) + 0.5 * (size % 2 == 0)) * edge
         places = lattice[shape_row(shape).distance(shape, lattice) < -(radius + free) * (1.0 - 1e-6)]
     return places + free * np.random.default_rng(0).uniform(-1.0, 1.0, places.shape)
 

@@ -177,21 +177,28 @@ class EnergyBalance(Method):
 
     def gains(self, said: int, world: int) -> list[tuple[tuple, float, str]]:
         """Warnings of the energy of a world. said: its word."""
-        from wsim.simulation.measure.checks.gains import gains_by_prim
-        found, each = self.found(world), gains_by_prim(self, world)
-        path = max(each, key=lambda name: each[name]) + self.model.of_world(world)
+        found = self.found(world)
         most = float(self.part.arrays["balance_most"].numpy()[world])
         gained, more = found["gained"], "substeps or iterations" if self.iterates else "substeps"
         only = any(body.source.is_particles for body in self.model.bodies)                 # implicit steps have no particles
         other = ', or solver "implicit" if sweeps do not converge' * (self.terms.solver == "xpbd" and not only)
+        now = f"(now {self.clock.steps} substeps)"
         if said == 2:
-            return [(("speeds", world), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
-                     f"{self.clock.steps} substeps)")]
+            return [(("speeds", world), most, f"{self.gaining_path(world)} is faster than what moves it can make it; give it "
+                                              f"more {more} {now}")]
         if gained >= self.worst.get(world, (0.0, ""))[0]:
-            self.worst[world] = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic "
-                                         f"energy so far is {most:.3g} J; give it more {more} (now {self.clock.steps} "
-                                         f"substeps){other}{self.advice_at_start}")
+            self.worst[world] = gained, (f"{self.gaining_path(world)} gained energy that nothing gave it, {{worst}} J where "
+                                         f"the largest kinetic energy so far is {most:.3g} J; give it more {more} {now}{other}"
+                                         f"{self.advice_at_start}")
         return [(("energy", world), gained, self.worst[world][1])]
+
+    def gaining_path(self, world: int) -> str:
+        """Path of the prim of a world that gained most. It takes all places to the host, unless there is one prim alone."""
+        from wsim.simulation.measure.checks.gains import gains_by_prim
+        rigid = self.terms.rigid.bodies if self.terms.rigid else []
+        paths = [b.path for b in self.model.bodies if b.world == world] + [b.path for b, of in rigid if of == world]
+        each = gains_by_prim(self, world) if len(paths) > 1 else dict.fromkeys(paths, 0.0)
+        return max(each, key=lambda name: each[name]) + self.model.of_world(world)
 
     def report(self) -> dict[str, Any]:
         """The part of a report: frames, those left open by reason, the largest rise over the largest kinetic energy; strained:
