@@ -5,7 +5,7 @@ import pytest
 
 from tests.make.physics.soft.soft_bar import bar, ran
 from tests.make.simulation.ties import laid
-from wsim import Scene, SceneError, Simulation, load, save
+from wsim import Box, Scene, SceneError, Simulation, load, save
 from wsim.scene import shapes
 from wsim.scene.check.scene import check_scene
 from wsim.scene.curve import Motion
@@ -96,3 +96,17 @@ def test_two_soft_blocks_that_share_a_face_are_one():
     together, apart = ran(whole, 8, precision="float64"), ran(halves, 8, precision="float64")
     end = whole.softs[0].points[:, 0] > -1e-6
     np.testing.assert_allclose(apart.positions("/right"), together.positions()[end], atol=1e-7)
+
+
+def test_cloth_tied_to_a_link_has_finite_contacts_and_its_tie_says_what_is_read():
+    """Tied points have no inverse mass of their own: a contact of theirs gave 0 / 0."""
+    scene = Scene(coordinates="reduced", frames=2, fps=60)
+    arm = scene.body("/arm", Box((0.2, 0.03, 0.03)), at=(0.2, 1, 0))
+    scene.joint("revolute", "/shoulder", None, arm, at=(0, 1, 0), axis=(0, 0, 1))
+    scene.tie("/seam", scene.cloth("/cape", *shapes.sheet(0.4, 0.4, 4, 4, at=(0.2, 0.77, 0))), range(5), arm)
+    simulation = Simulation(scene, device="cpu")
+    simulation.run()
+    with np.errstate(all="raise"):
+        assert np.isfinite(simulation.contacts().force).all()
+    with pytest.raises(SceneError, match="/seam: is a tie of cloth.*; allowed: pins, .*; fix: "):
+        simulation.reactions("/seam")

@@ -16,8 +16,8 @@ import numpy as np
 from wsim.scene import solids
 from wsim.scene.attachments import Load, Pin, Tie, Varying, as_curve_over_time, pin_onto_collider
 from wsim.scene.bodies import ArrayDataclass, DefaultCount, Deformable, body_in_single_precision
-from wsim.scene.check.problem import Problem as Problem
-from wsim.scene.check.problem import SceneError as SceneError
+from wsim.scene.check.arguments import name_wrong_arguments, object_of_path
+from wsim.scene.check.problem import Problem, SceneError
 from wsim.scene.curve import Motion
 from wsim.scene.methods import METHODS, deforming_classes, describe_scene_contents, method_file, owning_method, pins_of_object
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
@@ -31,7 +31,6 @@ __all__ = ["Box", "Capsule", "Collider", "Cone", "Cylinder", "Deformable", "Load
            "SceneError", "Shape", "Sphere", "Surface", "Tie", "Varying"]
 
 COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation", "solref", "solimp")
-NOUNS = {"onto": "collider", "body": "body with points"}
 
 
 def _motion_or_placement(path: str, at, more: dict) -> Motion:
@@ -53,6 +52,7 @@ def _objects_of_class(name: str, doc: str) -> Any:
     return property(lambda s: s.objects.setdefault(name, []), lambda s, things: s.objects.update({name: things}), doc=doc)
 
 
+@name_wrong_arguments
 @dataclass(eq=False, repr=False)
 class Scene(ArrayDataclass):
     """A scene: everything there is, as in `Scene(up="Z", fps=30.0, frames=60)`. Frame f is at time f / fps [s] after `start`;
@@ -180,8 +180,8 @@ class Scene(ArrayDataclass):
     def body(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a rigid body (`wsim.Body`) of one shape, at a place `at` (3,) [m] or with motion=...; several shapes are its
         colliders=[...]. more: fields of `Body`, and of the collider: static_friction, dynamic_friction, restitution ..."""
-        surface = {name: more.pop(name) for name in COLLIDER_FIELDS if name in more} if shape is not None else {}
         if shape is not None:
+            surface = {name: more.pop(name) for name in COLLIDER_FIELDS if name in more}
             more["colliders"] = [Collider(f"{path}/shape", shape, **surface)]
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("Body", "objects").Body(path, **more))
@@ -199,17 +199,8 @@ class Scene(ArrayDataclass):
 
     def _rigid_body_at(self, path: str, body) -> Any:
         """A rigid body, or a collider, by its path."""
-        return body if not isinstance(body, str) else self._named(
+        return body if not isinstance(body, str) else object_of_path(
             path, "body", body, [*self.things("Body"), *self.colliders], "rigid body or collider")
-
-    @staticmethod
-    def _named(path: str, name: str, wanted, things: list, noun: str = "") -> Any:
-        """The one of some things whose path is wanted by an argument of that name."""
-        found = next((each for each in things if each.path == wanted), None)
-        if found is None:
-            noun, there = noun or NOUNS[name], (", ".join(each.path for each in things) or "none")[:160]
-            raise SceneError(Problem(path, f"{name} is {wanted!r:.60}, which is no {noun} of the scene; there are: {there}"))
-        return found
 
     def rods(self, path: str, points, counts, **more) -> Any:
         """Adds rods or hair (`wsim.Rods`): points (n, 3) [m], strand behind strand, counts of points of each strand."""
@@ -253,8 +244,7 @@ class Scene(ArrayDataclass):
 
     def _source(self, name: str, of: str, path: str, domain, shape, at, more: dict) -> Any:
         shape = shape if "motion" in more else solids.upright_plane(shape, self.up)
-        more["motion"] = _motion_or_placement(path, at, more)
-        more[of] = domain if isinstance(domain, str) else domain.path
+        more |= {"motion": _motion_or_placement(path, at, more), of: getattr(domain, "path", domain)}
         return self.add(getattr(method_file(name, "objects"), name)(path, shape, **more))
 
     def pin(self, path: str, body, points, onto=None, **more) -> Pin:
@@ -262,8 +252,9 @@ class Scene(ArrayDataclass):
         go; on skin each goes with its nearest face. As in `scene.pin("/collar", cape, range(9), onto=man)`."""
         pin = Pin(path, body if isinstance(body, str) else body.path, points, **more)
         if onto is not None:
-            body = self._named(path, "body", pin.body, [*self.bodies(), *self.things("Rods"), *self.things("MaterialPoints")])
-            onto = self._named(path, "onto", getattr(onto, "path", onto), self.colliders)
+            holders = [*self.bodies(), *self.things("Rods"), *self.things("MaterialPoints")]
+            body = object_of_path(path, "body", pin.body, holders)
+            onto = object_of_path(path, "onto", getattr(onto, "path", onto), self.colliders)
             pin = pin_onto_collider(pin, body, onto)
         pins_of_object(self, pin.body).append(pin)
         return pin

@@ -20,7 +20,7 @@ from wsim.model.status import FrameStatus
 from wsim.physics.cloth.constraints import LOOKS, fill_constraints
 from wsim.scene import Scene
 from wsim.scene.check import counts
-from wsim.scene.methods import METHODS, each_method_object, has_sheets, has_tets, loads_on_deformables
+from wsim.scene.methods import METHODS, describe_scene_contents, each_method_object, has_sheets, has_tets, loads_on_deformables
 from wsim.simulation import cost
 from wsim.simulation.choice import SchemeChoice, choose_scheme
 from wsim.simulation.methods import (
@@ -179,14 +179,15 @@ class SimulationPlan:
         from wsim.simulation.report import contactless_launches_text, kept_distance_lines
         c, m = self.clock, self.model
         rows = self.table()
-        bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
-        lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
+        bodies = f"{m.points} points in {len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
+        bodies = bodies if m.points else describe_scene_contents(m.scene).split(";")[0]
+        solver = (f", solver {self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
+                  f"{self.choice.why}") * bool(m.points)
+        lines = [f"{bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
                  "" if {row.name for row, _ in each_method_object(m.scene) if not row.posed} <= OWN_STEPS and not m.points else
                  f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * (c.integrator.solves > 1)}, "
-                 f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
-                 f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
-                 f"{self.choice.why}"]
+                 f"{c.iterations} iteration{'s' * (c.iterations > 1)}{solver}"]
         lines[1] = lines[1] or f"frames of {c.dt * 1e3:.4g} ms, in which methods choose steps of their own"
         cells = [(r["phase"], r["name"], r["rate"], str(r["launches"]), f"{r['bytes'] / 1e6:.2f}", f"  {r['what']}")
                  for r in rows]

@@ -26,3 +26,10 @@ def test_substeps_are_named_where_something_takes_them(what):
     fill(scene)
     head = wsim.Simulation(scene, device="cpu").plan.describe().splitlines()[1]
     assert ("substeps of" in head) == substeps and ("steps of their own" in head) != substeps
+
+
+def test_rigid_bodies_are_counted_and_no_solver_of_points_is_named():
+    scene = wsim.Scene(frames=1)
+    scene.joint("revolute", "/hinge", None, scene.body("/arm", wsim.Box((0.1, 0.1, 0.1))))
+    first, second = wsim.Simulation(scene, device="cpu").plan.describe().splitlines()[:2]
+    assert first.startswith("1 body, 1 joint, 1 world, ") and "solver" not in second

@@ -21,7 +21,8 @@ def check_pour_numbers(thing: Any, scene: Scene, size: str, smaller: str) -> Ite
     velocity = np.zeros(3) if thing.velocity is None else np.asarray(thing.velocity)
     if not np.any(velocity) or velocity.shape != (3,) or not np.isfinite(velocity).all():
         yield thing_error(path, f"it pours with the velocity {velocity.tolist()}", "three numbers [m/s], not all 0",
-                          "give velocity=, along its own axes")
+                          "give a velocity along its own axes, velocity=(0, -1, 0) say; in USD, "
+                          "wsim:particles:velocity or wsim:mpm:velocity")
         return
     yield from check_number(path, "start of its pour", pour.start, -inf)
     if not pour.end > pour.start and pour.start == pour.start:

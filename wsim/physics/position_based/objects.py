@@ -183,6 +183,8 @@ def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
             raise SceneError(Problem(path, f"{named[0]} is a number of the material; fix: give material="
                                      f"{kind.__name__}({named[0]}={more[named[0]]!r:.60}), of {kind.__module__}"))
     if more.get("pour") is not None:
+        if shape is None:
+            raise SceneError(Problem(path, "has points and a pour; allowed: a shape that pours; fix: give a shape, or no pour"))
         return Particles(path, np.zeros((0, 3)), radius, shape=shape, **more)
     if shape is not None:
         more["points"] = fill_with_particles(path, shape, radius, more.get("material"))

@@ -91,8 +91,9 @@ def _check_body_support(first: Body, scene: Scene) -> Iterator[Problem]:
         what = "it falls" if len(bodies) == 1 else f"the {len(bodies)} rigid bodies fall"
         yield object_warning(first.path, f"no joint holds it and nothing lies below: {what} for ever",
                              "a collider or a joint to the world",
-                             "apply PhysicsCollisionAPI to what it should land on, such as a "
-                             "Plane, or author physics:gravityMagnitude = 0")
+                             'scene.collider("/floor", Plane()), or gravity=(0, 0, 0) of the scene; in USD, apply '
+                             "PhysicsCollisionAPI to what it should land on, such as a Plane, or author "
+                             "physics:gravityMagnitude = 0")
 
 
 def bodies_touched_by_points(scene: Scene) -> list[Body]:

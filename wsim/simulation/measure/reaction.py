@@ -171,6 +171,9 @@ class PinReactions:
 
 
 def no_pin(model: Model, path: str | None, world: int) -> Problem:
+    if path in [tie.path for tie in model.scene.ties]:
+        return Problem(path, "is a tie of cloth, a net or a soft body; allowed: pins, and ties of ropes and hair; fix: pin "
+                             "the points to a collider, whose reaction is read")
     return Problem(path or "reactions", f"in world {world} is no pin; there are "
                    f"{', '.join(p.path for p in all_scene_pins(model.scene)) or 'none'} in worlds 0 to {model.worlds - 1}")
 

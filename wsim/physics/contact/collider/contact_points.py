@@ -22,7 +22,7 @@ def collider_contact_points(contact, g: float) -> ContactPoints:
                              for array in (own.points.w, slots.n, own.push, slots.b, state.d))
     hit, n_hit = row[slot, at], normal.reshape(-1, n, 3)[slot, at]
     gap = b.reshape(-1, n)[slot, at] + (n_hit * d[at]).sum(1)
-    force = push.reshape(-1, n, 3)[slot, at] / (w[at, None] * g * g)
+    force = push.reshape(-1, n, 3)[slot, at] / (np.where(w > 0.0, w, np.inf)[at, None] * g * g)      # of what is held: none
     along = (force * n_hit).sum(1)
     x = state.x.numpy().astype(np.float64) + state.e.numpy()
     body, element = _authored_points(model)

@@ -1,7 +1,7 @@
 """What can be wrong with a joint. NumPy only."""
 
 from collections.abc import Iterator
-from math import atan2, hypot, inf, isfinite, isnan
+from math import atan2, hypot, inf, isfinite, isnan, pi
 
 import numpy as np
 
@@ -14,6 +14,7 @@ UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions 
 CLOSED = 1e-3                # [m], [rad] by which a joint may start apart without a word
 TINY = 1e-9                  # [rad] of a cone that is closed
 NAMES = (*AXES, DISTANCE)
+MANY_TURNS = 4.0 * pi          # [rad] of a limit: beyond, it was meant in degrees more often than not
 LARGEST = 1e15               # [N/m], [N], ... of what drives: beside more, double precision keeps no other force
 SAME = 1e-6                  # of a singular value over the largest: rows that lock the same
 
@@ -21,6 +22,7 @@ SAME = 1e-6                  # of a singular value over the largest: rows that l
 def check(joint: Joint, scene: Scene) -> Iterator[Problem]:
     wrong = [*_check_joint_bodies(joint, scene), *_check_joint_numbers(joint), *_check_passive_terms(joint, scene)]
     yield from wrong
+    yield from _check_joint_turns(joint)
     if not any(p.fatal for p in wrong):
         yield from _check_joint_closed(joint, scene)
         yield from _check_joint_twins(joint, scene)
@@ -30,7 +32,8 @@ def _check_joint_bodies(joint: Joint, scene: Scene) -> Iterator[Problem]:
     path, bodies = joint.path, {body.path for body in scene.things("Body")}
     if joint.body0 == joint.body1:
         found = f"joins {joint.body0} to itself" if joint.body0 else "joins no body"
-        yield thing_error(path, found, "two bodies, or one and the world", "author physics:body0 or physics:body1")
+        yield thing_error(path, found, "two bodies, or one and the world", "name another as body0 or body1 (physics:body0, "
+                          "physics:body1)")
         return
     for body in (joint.body0, joint.body1):
         if body and body not in bodies:
@@ -84,6 +87,15 @@ def _check_joint_numbers(joint: Joint) -> Iterator[Problem]:
         if not getattr(joint, name) >= 0.0:
             yield thing_error(path, f"breaks at a {name} of {getattr(joint, name):g}", ">= 0, inf for never",
                                f"author another physics:break{name.capitalize()}")
+
+
+def _check_joint_turns(joint: Joint) -> Iterator[Problem]:
+    """Limits of turns that look like degrees."""
+    for name in TURNS:
+        low, high = joint.limits.get(name, (0.0, 0.0))
+        if MANY_TURNS < max(abs(low), abs(high)) < LARGEST and low <= high:
+            yield object_warning(joint.path, f"limits of {name} are {low:g} and {high:g} rad, which is more than two turns",
+                                 "radians", f"if these are degrees, give low=np.radians({low:g}), high=np.radians({high:g})")
 
 
 def _check_passive_terms(joint: Joint, scene: Scene) -> Iterator[Problem]:

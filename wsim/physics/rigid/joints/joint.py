@@ -160,7 +160,7 @@ def joint_between(path: str, body0: Jointed, body1: Jointed, at=(0.0, 0.0, 0.0),
                   axis=(1.0, 0.0, 0.0), **more) -> Joint:
     """A joint of two bodies as they stand, None for the world, or of a body and a collider, with whose motion it goes. Its
     frames agree, at a place `at` (3,) [m] of the world, with x along `axis`. more: fields of `Joint`."""
-    x = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    x = _unit_axis(path, axis)
     y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
     y /= np.linalg.norm(y)
     q = rotation.matrix_quat(np.stack([x, y, np.cross(x, y)], axis=1))
@@ -175,6 +175,18 @@ def joint_between(path: str, body0: Jointed, body1: Jointed, at=(0.0, 0.0, 0.0),
         more[f"at{k}"] = R.T @ (np.asarray(at, np.float64) - M[:3, 3])
         more[f"turn{k}"] = rotation.quat_product(rotation.quat_conjugate(rotation.matrix_quat(R)), q)
     return Joint(path, **more)
+
+
+def _unit_axis(path: str, axis) -> np.ndarray:
+    """The axis with length 1 (3,). Raises SceneError for what has no direction."""
+    try:
+        given = np.asarray(axis, np.float64)
+    except (TypeError, ValueError):
+        given = np.zeros(0)
+    if given.shape != (3,) or not 0.0 < np.linalg.norm(given) < inf:
+        raise SceneError(Problem(path, f"axis is {axis!r:.60}; allowed: three finite numbers, not all 0; fix: give one in the "
+                                       "axes of the world, such as (0, 0, 1)"))
+    return given / np.linalg.norm(given)
 
 
 def fixed_joint(path: str, body0: Jointed, body1: Jointed, **more) -> Joint:

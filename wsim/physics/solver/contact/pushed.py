@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class NewtonSweeps(list[Callable[[Clock], None]]):
-    """What moves points by impulses before a Newton step, in this order."""
+    """Steps that move points by impulses before a Newton step, in this order."""
 
     def __init__(self, own: Assembly):
         super().__init__()
