@@ -30,6 +30,7 @@ WRONG = {
     "no axis": (lambda s: s.joint("revolute", "/x", None, "/a", axis=(0, 0, 0)), "/x: axis is (0, 0, 0)", "not all 0"),
     "onto": (lambda s: s.pin("/x", s.cloth("/c", *shapes.sheet(1.0, 1.0, 2, 2)), [0], onto="/a"),
              "/x: onto is '/a', which is no collider", "scene.tie("),
+    "shape": (lambda s: s.particles("/x", "/mesh"), "/x: shape is '/mesh'; allowed is a closed shape", "fix: give Box("),
     "pour": (lambda s: s.particles("/x", points=[(0, 1, 0)], pour=1), "/x: has points and a pour", "fix: give a shape"),
 }
 

@@ -201,6 +201,9 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
     if isinstance(radius, str) or np.size(radius) != 1 or not 0.0 < float(radius) < np.inf:
         raise SceneError(Problem(path, f"radius is {radius!r:.60}; allowed is one length > 0 [m] where a shape is filled; fix: "
                                  "give radius=0.01, or points with a radius each"))
+    if isinstance(shape, (str, type)):
+        raise SceneError(Problem(path, f"shape is {shape!r:.60}; allowed is a closed shape; fix: give Box((0.1, 0.1, 0.1)) or "
+                                 "wsim.Surface(points, counts, indices) of a mesh"))
     if isinstance(shape, Plane):
         raise SceneError(Problem(path, "a Plane has no end to fill; allowed is a closed shape; fix: give a Box, say"))
     edge = lattice_edge(float(radius), material == "fluid" or isinstance(material, ConstraintFluid))
