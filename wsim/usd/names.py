@@ -205,8 +205,9 @@ OTHERS = (
         ("Points", "", "points points point3f[] m|velocities velocities vector3f[] m/s|widths widths float[] m"),
         (WSIM_PARTICLES, "wsim:particles:", "material material token 1|radius radius double m|density density double kg/m^3|"
          "static_friction staticFriction double 1|dynamic_friction dynamicFriction double 1|viscosity viscosity double Pa s|"
-         "smoothing smoothing double 1|velocity velocity vector3d m/s|pour_start pourStart double 1|pour_end pourEnd double 1|"
-         "pour_rate pourRate double kg/s")) for name, usd, kind, unit in (row.split(" ", 3) for row in rows.split("|"))),
+         "smoothing smoothing double 1|surface_tension surfaceTension double N/m|velocity velocity vector3d m/s|pour_start "
+         "pourStart double 1|pour_end pourEnd double 1|pour_rate pourRate double kg/s"))
+      for name, usd, kind, unit in (row.split(" ", 3) for row in rows.split("|"))),
     AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
     AttributeEntry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
@@ -278,8 +279,7 @@ FOREIGN_ATTRIBUTES = {
     "physics:bendStiffness": "physics:surfaceBendStiffness (force * length: the old value times the thickness cubed)",
     "physics:twistStiffness": "physics:curvesTwistStiffness",
     "physics:thickness": "physics:thicknesses on the simulation mesh, with physics:thicknesses:elementType = constant",
-    "physics:restTetVtxIndices": "physics:restTetVertexIndices",
-    "physics:restTriVtxIndices": "physics:restTriVertexIndices",
+    "physics:restTetVtxIndices": "physics:restTetVertexIndices", "physics:restTriVtxIndices": "physics:restTriVertexIndices",
     "physics:surfaceThickness": "physics:thicknesses on the simulation mesh, with elementType = constant",
 }
 FOREIGN_SCHEMAS = {

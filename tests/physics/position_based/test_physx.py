@@ -64,6 +64,17 @@ def test_a_set_gives_fluid_radius_density_and_friction(tmp_path):
     assert "physxPBDMaterial:cohesion, physxPBDMaterial:viscosity are not read" in notes[0]
 
 
+def test_surface_tension_of_physx_is_that_of_water(tmp_path, monkeypatch):
+    """Its unit is 1/m^3: it says that there is one. wsim's own number counts before it."""
+    monkeypatch.setitem(globals(), "STAGE", STAGE.replace("    float physxPBDMaterial:gravityScale = 1", "    float "
+                        "physxPBDMaterial:surfaceTension = 0.01"))
+    scene, notes = load(tmp_path)
+    assert scene.things("Particles")[0].material.surface_tension == pytest.approx(0.072)
+    assert any("surfaceTension is no force over a length: the fluid has 0.072 N/m" in note for note in notes)
+    scene, _ = load(tmp_path, "", "double wsim:particles:surfaceTension = 0.03")
+    assert scene.things("Particles")[0].material.surface_tension == pytest.approx(0.03)
+
+
 def test_solids_are_grains_and_mass_counts_before_density(tmp_path):
     scene, _ = load(tmp_path, "float solidRestOffset = 1.5", "bool physxParticle:fluid = 0\n    float physics:mass = 0.08\n"
                     "    float physics:density = 0.5")

@@ -2,15 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import fields
+from math import ceil, sqrt
 
 import numpy as np
 
 from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.particles.check_pour import check_free_places, check_pour_numbers, poured_places
 from wsim.physics.particles.check_shapes import check_volume_shape
-from wsim.physics.position_based.objects import MATERIALS, Particles
+from wsim.physics.position_based.objects import MATERIALS, ConstraintFluid, Particles
 from wsim.scene import Plane, Problem, Scene, Surface, solids
-from wsim.scene.check.objects import check_number, check_placement, check_point_array, check_rigid_motion, thing_error
+from wsim.scene.check.objects import (
+    check_number,
+    check_placement,
+    check_point_array,
+    check_rigid_motion,
+    object_warning,
+    thing_error,
+)
 
 SMOOTHEST = 0.5        # of smoothing
 DEEP = 0.5             # radii that a particle may begin within a solid
@@ -42,6 +50,7 @@ def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
         yield thing_error(path, f"colors of shape {thing.colors.shape}", f"(3,) or ({n}, 3)", "give one of all, or one each")
     yield from _check_material(thing)
     yield from _check_one_radius(thing, scene)
+    yield from _check_tension(thing, scene)
     yield from _check_solver(thing, scene)
 
 
@@ -67,6 +76,7 @@ def _check_pour(thing: Particles, scene: Scene) -> Iterator[Problem]:
         yield from _check_count(thing, scene)
         yield from check_free_places(thing, scene, poured_places(thing), DEEP * float(thing.radius[0]))
     yield from _check_one_radius(thing, scene)
+    yield from _check_tension(thing, scene)
     yield from _check_solver(thing, scene)
 
 
@@ -115,6 +125,19 @@ def _check_one_radius(thing: Particles, scene: Scene) -> Iterator[Problem]:
             and thing.radius[0] != fluids[0].radius[0]:
         yield thing_error(thing.path, f"radius is {thing.radius[0]:g} m, that of {fluids[0].path} {fluids[0].radius[0]:g} m",
                           "one radius for all fluids of a scene", "fill both with particles of one radius")
+
+
+def _check_tension(thing: Particles, scene: Scene) -> Iterator[Problem]:
+    """A warning of more surface tension than substeps carry; it is cut to that."""
+    sigma = getattr(thing.material, "surface_tension", 0.0)
+    if not (isinstance(thing.material, ConstraintFluid) and len(thing.radius) and isinstance(sigma, float | int) and sigma > 0.0
+            and scene.fps > 0.0 and scene.substeps > 0 and thing.material.density > 0.0):
+        return
+    most = thing.material.tension_limit(float(thing.radius[0]), 1.0 / (scene.fps * scene.substeps))
+    if 0.0 < most < sigma:
+        yield object_warning(thing.path, f"surface_tension is {sigma:g} N/m, and acts as {most:.2g}",
+                             f"what {scene.substeps} substeps carry", f"give {ceil(scene.substeps * sqrt(sigma / most))} "
+                             "substeps, or larger particles")
 
 
 def _check_solver(thing: Particles, scene: Scene) -> Iterator[Problem]:

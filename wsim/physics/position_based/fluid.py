@@ -9,7 +9,7 @@ import numpy as np
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import density as kernels
-from wsim.kernels.position_based import density_errors, flow
+from wsim.kernels.position_based import density_errors, flow, tension
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
@@ -61,12 +61,15 @@ class DensityConstraints(Method):
         self.table = fill_struct(S.FluidTable, d=d, omega=OMEGA, keep=KEEP, w=self.points.constants.w,
                                  wall=zeros(kernels.WALLS * n, t.vec4), pressure=self.part.arrays["p"], **scratch)
         self.flow, self.flows = self._make_flow(b)
+        self.tension = self._make_tension(b)
         module = launches.module
         makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,
                   "start": kernels.fluid_wall_push_kernel, "left": density_errors.fluid_left_kernel,
                   "pressure": kernels.fluid_pressure_kernel, "push": kernels.fluid_push_kernel,
                   "keep": density_errors.fluid_keep_kernel, "flow": flow.flow_gather_kernel,
                   "viscosity": flow.flow_viscosity_kernel}
+        if self.tension is not None:
+            makers |= {"normals": tension.tension_normal_kernel, "tension": tension.tension_kernel}
         self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
         self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
         for word in (NEAR_WORD, DENSE_WORD):
@@ -88,6 +91,14 @@ class DensityConstraints(Method):
         each = [(min(m.viscosity / m.density, most), m.smoothing) for m in materials]
         rows = np.repeat(np.array(each), [body.count for body in self.bodies], axis=0)
         return b.model.upload(rows.astype(b.model.dtype), types(b.model.real).vec2), bool(np.any(rows))
+
+    def _make_tension(self, b: Build) -> Any:
+        """Surface tension of each particle [N/m]; None: there is none."""
+        h, materials = b.clock.dt / b.clock.substeps, [body.source.material for body in self.bodies]  # type: ignore[attr-defined]
+        each = [min(m.surface_tension, m.tension_limit(0.5 * self.distance, h)) for m in materials]
+        if not any(each):
+            return None
+        return b.model.upload(np.repeat(np.array(each), [body.count for body in self.bodies]), b.model.real)
 
     def connect_ports(self, others) -> None:
         self.search.lists.wanted = self.status.word(NEAR_WORD)
@@ -118,12 +129,16 @@ class DensityConstraints(Method):
         self._run("push", [search.rows, search.cells, search.lists, table], [s.d])
 
     def keep(self, clock: Clock) -> None:
-        """Pressures, for the next substep, and viscosity."""
+        """Pressures, for the next substep, viscosity and surface tension."""
         s, search, table = self.state, self.search, self.table
         self._run("keep", [search.cells, table, clock.h], [self.status.word(DENSE_WORD)])
-        if self.flows:
+        if self.flows or self.tension is not None:
             self._run("flow", [search.rows, search.cells, table, s.x, s.v])
+        if self.flows:
             self._run("viscosity", [search.rows, search.cells, search.lists, table, self.flow, clock.h], [s.v])
+        if self.tension is not None:
+            self._run("normals", [search.lists, table])
+            self._run("tension", [search.rows, search.cells, search.lists, table, self.tension, clock.h], [s.v])
 
     def _run(self, name: str, inputs: list, outputs: list | None = None) -> None:
         self.launches.launch(self.kernels[name], self.count, inputs, outputs or [])

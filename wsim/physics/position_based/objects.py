@@ -10,6 +10,8 @@ from wsim.physics.particles.pouring import MOST_PLACES, Pour, PouringShape
 from wsim.scene.bodies import BodyGeometry, Deformable, demand_kind, real_array
 from wsim.scene.curve import Motion
 
+STABLE_TENSION = 0.02  # h^2 sigma / m, up to which a drop comes to rest
+
 
 @dataclass(frozen=True)
 class Grains:
@@ -36,6 +38,7 @@ class ConstraintFluid:
     density             at rest [kg/m^3]
     viscosity           [Pa s]
     smoothing           part of the differences of velocity that neighbours lose in a substep [1]
+    surface_tension     [N/m]; water against air has 0.072, walls are not wetted
     static_friction     of contacts with colliders [1]
     dynamic_friction    of contacts with colliders [1]
     """
@@ -43,12 +46,17 @@ class ConstraintFluid:
     density: float = 1000.0
     viscosity: float = 1e-3
     smoothing: float = 0.05
+    surface_tension: float = 0.0
     static_friction: float = 0.0
     dynamic_friction: float = 0.0
 
     def particle_mass(self, radius: np.ndarray) -> np.ndarray:
         """Mass [kg] of a particle of that radius [m]: a cube of two radii."""
         return self.density * (2.0 * radius) ** 3
+
+    def tension_limit(self, radius: float, h: float) -> float:
+        """Surface tension [N/m] that explicit substeps of h [s] carry, of particles of a radius [m]."""
+        return STABLE_TENSION * self.density * (2.0 * radius) ** 3 / h**2
 
 
 MATERIALS: dict[str, Any] = {"grains": Grains, "fluid": ConstraintFluid}

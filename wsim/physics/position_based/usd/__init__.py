@@ -138,8 +138,10 @@ def _read_material(reading: StageReading, prim: Usd.Prim, name: str, hints: Phys
     values = {f.name: read_attribute(prim, "Particles", f.name, reading.units) for f in fields(kind)}
     points = UsdGeom.Points(prim).GetPointsAttr().Get(reading.start) if prim.IsA(UsdGeom.Points) else None
     density = hints.density_of(hints.radius or hints.fallback or 0.0, len(points) if points else 0)
-    for key, hint in (("density", density), ("static_friction", hints.friction), ("dynamic_friction", hints.friction)):
-        values[key] = hint if values[key] is None else values[key]
+    for key, hint in (("density", density), ("static_friction", hints.friction), ("dynamic_friction", hints.friction),
+                      ("surface_tension", hints.tension)):
+        if values.get(key, 0.0) is None:
+            values[key] = hint
     return kind(**{key: value for key, value in values.items() if value is not None})
 
 

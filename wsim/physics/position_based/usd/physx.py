@@ -6,10 +6,10 @@
     physxParticle:simulationPoints               places, before points
     physxParticle:particleEnabled, particleSystemEnabled     off: the prim is left out
     physxPBDMaterial:friction                    friction of grains, and of a fluid with colliders
+    physxPBDMaterial:surfaceTension              above 0: a fluid has that of water, since its unit there is 1/m^3
     physxPBDMaterial:density, physics:density, physics:mass  density; of these the mass counts first, then that on the set
 
-PhysX's viscosity, cohesion, surface tension and damping have no unit: they are parts of its iterations, and no number of SI is
-the same.
+PhysX's viscosity, cohesion and damping have no unit: they are parts of its iterations, and no number of SI is the same.
 """
 
 from dataclasses import dataclass
@@ -37,6 +37,7 @@ from wsim.usd import names
 from wsim.usd.stage import StageReading, applied_schemas
 
 READ = {f"{SET}{each}" for each in ("fluid", "particleSystem", "simulationPoints", "particleEnabled", "particleGroup")}
+WATER = 0.072              # surface tension against air [N/m]
 IN_XPBD = "here particles move in the iterations of the scene, and wsim:scene attributes say how many"
 
 
@@ -50,6 +51,7 @@ class PhysxHints:
     fallback      radius by the contact offset [m]
     places        simulationPoints, own frame (n, 3) [m]
     density       [kg/m^3]      mass   of all [kg]      friction   [1]
+    tension       surface tension [N/m]
     """
 
     left_out: bool = False
@@ -60,6 +62,7 @@ class PhysxHints:
     density: float | None = None
     mass: float | None = None
     friction: float | None = None
+    tension: float | None = None
 
     def density_of(self, radius: float, count: int) -> float | None:
         """Density of particles of a radius [m]; None where nothing says one."""
@@ -104,7 +107,7 @@ def _read_places(reading: StageReading, prim: Usd.Prim) -> np.ndarray | None:
 
 
 def _read_material(reading: StageReading, system: Usd.Prim | None, prim: Usd.Prim, found: PhysxHints) -> None:
-    """Friction and density of the material that is bound to the system, else to the set."""
+    """Friction, density and surface tension of the material that is bound to the system, else to the set."""
     bound: Any = next((each for of in (system, prim) if of and (each := bound_physics_material(of))), None)
     if bound is None:
         return
@@ -112,6 +115,10 @@ def _read_material(reading: StageReading, system: Usd.Prim | None, prim: Usd.Pri
              for name in (each.removeprefix(MATERIAL) for each in authored_names(bound, MATERIAL))}
     found.density = value.pop("density", None) or read_own_number(reading, bound, "physics:density", "kg/m^3")
     found.friction = value.pop("friction", None)
+    if found.fluid and (value.pop("surfaceTension", None) or 0.0) > 0.0:
+        found.tension = WATER
+        reading.warn(bound.GetPath(), f"its {MATERIAL}surfaceTension is no force over a length: the fluid has {WATER:g} "
+                     "N/m, that of water; author wsim:particles:surfaceTension for another")
     warn_unread(reading, bound, [MATERIAL + name for name, number in value.items()
                                  if number is not None and number != QUIET.get(name, 0.0)],
                 "they have no unit in PhysX; author wsim:particles: attributes on the Points, such as viscosity [Pa s]")

@@ -44,6 +44,8 @@ class OpenFrameReasons:
         found += [f"rods {r.path}" for r in scene.things("Rods")]
         found += [f"particles that come or go, such as {p.path}" for p in scene.things("Particles")
                   if p.pour or scene.things("MaterialSink")][:1]
+        found += [f"surface tension of {p.path}" for p in scene.things("Particles")
+                  if getattr(p.material, "surface_tension", 0.0)][:1]
         self.always = found
         self.colliders = scene.colliders if points else []
         self.sizes = {c.path: sum_of_shape_numbers(c.shape) for c in self.colliders}
