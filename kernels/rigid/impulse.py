@@ -237,8 +237,9 @@ def impulse_formulas(real, held: bool = False):
         p1 = q1
         p2 = q2
         square = u1 * u1 + u2 * u2
-        if square > real(1.0e-30):
-            part = square / (K[0] * u1 * u1 + real(2.0) * K[1] * u1 * u2 + K[2] * u2 * u2)
+        along = K[0] * u1 * u1 + real(2.0) * K[1] * u1 * u2 + K[2] * u2 * u2
+        if square > real(1.0e-30) and along > real(0.0):       # float32 has no product of 1e-20 / kg and a slip of 1e-14 m/s
+            part = square / along
             p1 -= part * u1
             p2 -= part * u2
         if p1 * p1 + p2 * p2 > mu[0] * mu[0] * push * push:

@@ -11,6 +11,7 @@ import wsim
 from tests.make.physics.joints.aims import WAY
 from tests.physics.joints.trees.chains import trees_of
 from wsim import Box, Plane, Scene, Sphere
+from wsim.kernels.rigid.soft_step import A2
 from wsim.physics.rigid.joints.joint import Drive
 from wsim.scene import Varying
 
@@ -116,3 +117,36 @@ def test_a_slider_that_its_rail_holds_is_not_pushed_by_what_it_touches(axis, sha
     place = simulation.poses()["/b"][:3, 3]
     expected = (0.125, 0.1, 0.0) if axis[0] else (0.0, 0.1, 0.0)
     assert place == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("arm", [0.002, 0.005, 0.02])
+def test_a_point_near_a_hinge_is_pushed_apart_with_the_energy_of_a_free_body(arm):
+    """I w^2 = m u^2 with u^2 = 2 g R: the turn in a substep is h u sqrt(m / I) / (1 + 1 / a_2) for any arm; no speed stays."""
+    radius, h = 0.1, 1.0 / 480.0
+    scene = Scene(fps=480, substeps=1, coordinates="reduced")
+    smooth = {"static_friction": 0.0, "dynamic_friction": 0.0}
+    scene.collider("/wall", Box((1.0, 1.0, 0.1)), at=(0.0, 0.0, -0.15), **smooth)
+    ball = scene.body("/ball", Sphere(radius), at=(arm, 0.0, 0.0), **smooth)
+    scene.joint("revolute", "/hinge", None, ball, at=(0.0, 0.0, 0.0), axis=(0, 1, 0))
+    simulation = wsim.Simulation(scene, device="cpu", precision="float64")
+    simulation.run(1)
+    turn = np.arcsin(np.abs(simulation.poses()["/ball"][0, 2]))
+    exact = h * np.sqrt(2.0 * 9.81 * radius / (0.4 * radius**2 + arm**2)) / (1.0 + 1.0 / A2)
+    assert turn == pytest.approx(exact, rel=1e-6)
+    assert np.abs(trees_of(simulation)[0].spins()).max() < 1e-2 * exact / h
+
+
+@pytest.mark.parametrize("size, precision", [(1e-3, "float32"), (1.0, "float64"), (1e3, "float32")])
+def test_a_hinge_and_a_ball_that_start_inside_a_wall_keep_their_speeds(size, precision):
+    """Boxes start 0.2 or 4 % of a size inside a wall or a floor. No body gets faster than a fall of five sizes."""
+    for depth in (0.002, 0.04):
+        for wall, at in ((Box((size, size, 0.1 * size)), (0.5, 0.0, depth - 0.13)), (Plane(), (0.0, depth - 0.02, 0.0))):
+            scene = Scene(fps=60, substeps=8, coordinates="reduced", gravity=(0.0, -9.81 * size, 0.0))
+            scene.collider("/wall", wall, at=size * np.array(at))
+            links = [scene.body(f"/b{k}", Box((0.25 * size, 0.02 * size, 0.03 * size)), at=((0.25 + 0.5 * k) * size, 0, 0))
+                     for k in range(2)]
+            scene.joint("revolute", "/hinge", None, links[0], at=(0, 0, 0), axis=(0, 0.6, 0.8))
+            scene.joint("spherical", "/socket", *links, at=(0.5 * size, 0, 0))
+            simulation = wsim.Simulation(scene, device="cpu", precision=precision)
+            for _ in simulation.frames(15):
+                assert np.abs(trees_of(simulation)[0].velocities()).max() < np.sqrt(2.0 * 9.81 * 5.0) * size

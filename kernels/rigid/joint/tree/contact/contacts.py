@@ -7,6 +7,12 @@ bodies.
 Velocities are those of the coordinates, as u (responses.py). Impulses of a manifold are found together along n, then friction
 point by point, and go to all dofs of a tree at once, so that what hangs on a link is felt in the first sweep. All lanes of a
 tree find the same impulses. Where joints leave neither side a motion along n, A_ii is 0 and the point bears nothing.
+
+What overlaps is pushed apart with no more energy than free trees of masses m_a and m_b would take (L: see soft_step.py):
+
+    bias = max(rate gap, -sqrt(2 g L) sqrt(min(A_ii / (1 / m_a + 1 / m_b), 1)))
+
+The bias of soft_step.py alone has a point near a hinge turn the link the faster the nearer it is, without bound.
 """
 
 from functools import cache
@@ -25,7 +31,8 @@ from wsim.kernels.rigid.joint.tree.tables import Trees, vec6d
 from wsim.kernels.rigid.motion import double_vec3
 from wsim.kernels.rigid.soft_step import NEAR, contact_goal_functions
 
-STUCK = wp.constant(1.0e-10)       # of a free body's response to an impulse: below it, joints hold a point in that direction
+STUCK = wp.constant(1.0e-6)        # of the response of free trees along n: below it, joints hold a point, which bears nothing
+HELD = wp.constant(1.0e-10)        # of the response of free bodies to friction: the least
 COLUMNS = wp.constant(12)          # of a manifold: impulses at each point along n and two tangents
 
 
@@ -40,6 +47,19 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
     find_link_pair, read_link_pair, pair_slip = links.find, links.read, links.slip
     changed_velocities, push_pair, give_wrenches = links.change, links.push, links.give
     first, together, (goal, fastest) = tangent_func(real), manifold_impulse_func(real), contact_goal_functions(real)
+
+    @wp.func
+    def inverse_tree_mass(f: int, rig: Rig, T: Trees):
+        """1 / mass of the tree of a frame; 0 of a collider."""
+        w = real(0.0)
+        if f < rig.b.w.shape[0]:
+            w = real(wp.float64(1.0) / T.m[T.t.first_link[T.tree_of[T.link_of[f]]]])
+        return w
+
+    @wp.func
+    def inverse_mass_of_trees(m: int, rig: Rig, T: Trees):
+        """1 / m_a + 1 / m_b."""
+        return (inverse_tree_mass(rig.s.frame[rig.c.a[m]], rig, T) + inverse_tree_mass(rig.s.frame[rig.c.b[m]], rig, T))
 
     @standalone_function
     @wp.func
@@ -61,7 +81,7 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
                 u = pair_slip(pair, m, e, rig)
                 if way == 0:
                     found = wp.dot(n, u)
-                    if e == i and found <= real(STUCK) * rig.work.A[m][i, i]:
+                    if e == i and found <= real(STUCK) * inverse_mass_of_trees(m, rig, T):
                         found = real(0.0)
                     store_normal(rig.work.A, m, e, i, found)
                     rig.work.slip_by_push[16 * m + 4 * e + i] = t.vec2(wp.dot(t1, u), wp.dot(t2, u))
@@ -69,10 +89,10 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
                     store_rub(rig.work.slip_by_rub, 6 * m + (e * (e - 1)) // 2 + i, 0, way - 1, wp.dot(t1, u))
                     store_rub(rig.work.slip_by_rub, 6 * m + (e * (e - 1)) // 2 + i, 1, way - 1, wp.dot(t2, u))
                 elif way == 1:
-                    store_tangent(rig.work.K, 4 * m + i, 0, wp.max(wp.dot(t1, u), real(STUCK) * rig.work.K[4 * m + i][0]))
+                    store_tangent(rig.work.K, 4 * m + i, 0, wp.max(wp.dot(t1, u), real(HELD) * rig.work.K[4 * m + i][0]))
                     store_tangent(rig.work.K, 4 * m + i, 1, wp.dot(t2, u))
                 else:
-                    store_tangent(rig.work.K, 4 * m + i, 2, wp.max(wp.dot(t2, u), real(STUCK) * rig.work.K[4 * m + i][2]))
+                    store_tangent(rig.work.K, 4 * m + i, 2, wp.max(wp.dot(t2, u), real(HELD) * rig.work.K[4 * m + i][2]))
 
     @wp.func
     def drop_stuck_points(m: int, rig: Rig):
@@ -105,6 +125,16 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
         give_wrenches(pair, a, b, T)
 
     @wp.func
+    def separation_speed(m: int, rig: Rig, T: Trees):
+        """(greatest speed of free shapes, 1 / m_a + 1 / m_b)."""
+        return t.vec2(fastest(m, rig), inverse_mass_of_trees(m, rig, T))
+
+    @wp.func
+    def point_speed(most: t.vec2, response: real):
+        """Greatest speed at which a point of this response is pushed apart."""
+        return most[0] * wp.sqrt(wp.min(response / most[1], real(1.0)))
+
+    @wp.func
     def point_wants(j: int, push: real, h: real, most: real, biased: int, rig: Rig):
         """(1 where it acts, bias, part of A_ii that its impulse gives way by) of point j."""
         if wp.static(soft_model):
@@ -128,17 +158,17 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
 
     @standalone_function
     @wp.func
-    def normal_impulses(m: int, h: real, biased: int, u: t.vec4, before: t.vec4, rig: Rig):
+    def normal_impulses(m: int, h: real, biased: int, u: t.vec4, before: t.vec4, rig: Rig, T: Trees):
         """Changes of the impulses along n of a manifold, whose points part at u."""
         A = rig.work.A[m]
-        most = fastest(m, rig)
+        most = separation_speed(m, rig, T)
         wanted = t.vec4()
         soft = t.vec4()
         close = t.vec4()
         acts = wp.vec4i()
         for i in range(4):
             if i < rig.c.count[m]:
-                wants = point_wants(4 * m + i, before[i], h, most, biased, rig)
+                wants = point_wants(4 * m + i, before[i], h, point_speed(most, A[i, i]), biased, rig)
                 soft[i] = wants[2]
                 close[i] = wp.where(wants[2] == real(0.0), real(NEAR), real(0.0))
                 if wants[0] > real(0.0) and A[i, i] > real(0.0):
@@ -165,7 +195,7 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
                 u[i] = wp.dot(n, slip)
                 u1[i] = wp.dot(t1, slip)
                 u2[i] = wp.dot(t2, slip)
-        more = normal_impulses(m, h, biased, u, before, rig)
+        more = normal_impulses(m, h, biased, u, before, rig, T)
         a = vec6d()
         b = vec6d()
         tree_barrier()                                    # all lanes have read impulses
@@ -201,11 +231,12 @@ def link_contact_functions(real, moving: bool = False, soft_model: bool = False)
         pair = read_link_pair(m, k, rig, T)
         n = rig.c.n[m]
         A = rig.work.A[m]
+        most = separation_speed(m, rig, T)
         for i in range(rig.c.count[m]):
             j = 4 * m + i
             push = rig.c.push[j]
             u = pair_slip(pair, m, i, rig)
-            wants = point_wants(j, push, h, fastest(m, rig), biased, rig)
+            wants = point_wants(j, push, h, point_speed(most, A[i, i]), biased, rig)
             bears = A[i, i] * push
             if wants[0] > real(0.0) and A[i, i] > real(0.0):
                 found = wp.max(found, wp.abs(wp.min(bears, wp.dot(n, u) + wants[1] + wants[2] * bears)))
