@@ -24,6 +24,7 @@ UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions 
 SAID = ("convexHull", "boundingCube", "boundingSphere")          # approximations that are what they say, of a body too
 SMALL, LARGE = 1e-3, 1e3     # [m] a body beyond these is in the wrong unit more often than not
 LEAST = 1e-30                # [kg], [kg m^2]; and the inverse of the greatest
+HUGE = 1e15                  # [m/s^2], [rad/s^2], [m/s], [rad/s] at the start: beyond, no step follows the motion
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
@@ -186,10 +187,25 @@ def _check_mass_values(body: Body) -> Iterator[Problem]:
     if not (np.isfinite(moments).all() and moments.min() > 0.0):
         yield thing_error(path, said, "three numbers > 0",
                            "author physics:diagonalInertia, or give it a collider with a volume")
-    elif not (min(moments.min(), found.mass) > LEAST and max(moments.max(), found.mass) < 1.0 / LEAST):
+        return
+    if not (min(moments.min(), found.mass) > LEAST and max(moments.max(), found.mass) < 1.0 / LEAST):
         yield thing_error(path, f"{said}, of {found.mass:g} kg",
                            f"{LEAST:g} to {1.0 / LEAST:g}, of which float32 holds the inverse",
                            "author metersPerUnit and kilogramsPerUnit on the stage, or another mass")
-    elif 2.0 * moments.max() > moments.sum() * (1.0 + TRIANGLE):
+        return
+    yield from _check_start_rates(body, found.mass, moments.min())
+    if 2.0 * moments.max() > moments.sum() * (1.0 + TRIANGLE):
         yield object_warning(path, f"{said}, which no solid has", "none larger than the other two together",
                              "author physics:diagonalInertia again; the motion is that of these numbers")
+
+
+def _check_start_rates(body: Body, mass: float, moment: float) -> Iterator[Problem]:
+    """Velocities and accelerations [m/s], [rad/s], [m/s^2], [rad/s^2] at the start that are finite, and that nothing has."""
+    for name, unit, own in (("velocity", "m/s", 1.0), ("spin", "rad/s", 1.0), ("force", "m/s^2", mass),
+                            ("torque", "rad/s^2", moment)):
+        value = np.asarray(getattr(body, name), np.float64)
+        rate = float(np.abs(value).max()) / own
+        if rate > HUGE and np.isfinite(value).all():
+            of = "" if own == 1.0 else f", and makes {rate:g} {unit}"
+            yield thing_error(body.path, f"{name} is {_format_vector(value)}{of}", f"up to {HUGE:g} {unit}",
+                              f"author a smaller {name}, or check the units of the stage")

@@ -2,6 +2,7 @@
 
 from math import inf
 
+import numpy as np
 import pytest
 
 import wsim
@@ -101,3 +102,20 @@ def test_two_joints_to_the_world_count_as_two_bodies():
     scene = chain_scene(["revolute"])
     scene.joint("fixed", "/twin", None, scene.things("Body")[0], at=(0.2, 0, 0))
     assert "/twin: joins the same two bodies as /j0" in told(scene)
+
+
+@pytest.mark.parametrize("coordinates", ["reduced", "maximal"])
+@pytest.mark.parametrize("name, unit", [("force", "m/s.2"), ("torque", "rad/s.2"), ("velocity", "m/s"), ("spin", "rad/s")])
+def test_a_body_that_starts_beyond_all_numbers_is_refused(name, unit, coordinates):
+    scene = chain_scene(["revolute", "spherical"], coordinates=coordinates)
+    setattr(scene.things("Body")[1], name, np.array([0.0, -1e30, 0.0]))
+    with pytest.raises(wsim.SceneError, match=rf"/b1: {name} is \(0, -1e.30, 0\).*up to 1e.15 {unit}.*smaller {name}"):
+        wsim.Simulation(scene, device="cpu")
+
+
+def test_a_force_that_a_planet_bears_is_no_fault():
+    """The sun pulls at the earth by 3.5e22 N."""
+    scene = chain_scene(["revolute"])
+    body = scene.things("Body")[0]
+    body.mass, body.force = 6e24, np.array([3.5e22, 0.0, 0.0])
+    assert "force" not in told(scene)

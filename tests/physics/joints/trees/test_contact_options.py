@@ -92,11 +92,12 @@ def creeping_box(angle: float, frames: int, **softness) -> np.ndarray:
 
 
 def test_a_box_creeps_down_a_slope_as_its_regulariser_says():
-    """b u = R f with f = m g sin(angle) / 4 at each point, b = 2 / (d_max t), R = (1 - d) / (d m): 1 % for d of each depth."""
+    """b u = R f with f = m g sin(angle) / 4 at each point, b = 2 / (d_max t), R = (1 - d) / (d m). d is that of depth 0
+    here: points lie deeper, and creep 1.28 % slower."""
     x = creeping_box(0.2, 240)[:, 0]
     d = SOLIMP[0]
     creep = (1.0 - d) / d * 9.81 * np.sin(0.2) / 4.0 * SOLIMP[1] * SOLREF[0] / 2.0
-    assert (x[-1] - x[-121]) * 480 / 120 == pytest.approx(creep, rel=0.02)
+    assert (x[-1] - x[-121]) * 480 / 120 == pytest.approx(creep, rel=0.014)
 
 
 @pytest.mark.parametrize("settings", [{}, {"solref": (0.05, 0.7)}, {"solimp": (0.5, 0.9, 0.01, 0.5, 2.0)}])
