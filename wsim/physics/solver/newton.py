@@ -50,13 +50,14 @@ def build(b: Build) -> Implicit:
 class Implicit(Method):
     """Stage newton. `terms` is the port where others enter a Newton step."""
 
+    sweeps: Any = None                             # before each step, where some bodies meet others as balls
+
     def __init__(self, model: Model, state: SimulationState, points, status: FrameStatus, clock: Clock,
                  rows: list[Constraints]):
         """rows: soft constraints of all bodies."""
         super().__init__("implicit")
         self.model, self.state, self.every, self.terms = model, state, rows, list[NewtonTerm]()
         self.assembly = own = Assembly(model, state, points, self.every, clock.h)
-        self.sweeps: Any = None
         if any(body.meets_as_balls for body in model.scene.bodies()):
             from wsim.physics.solver.contact.pushed import NewtonSweeps
             self.sweeps = NewtonSweeps(own)

@@ -158,12 +158,12 @@ def set_string_row(g: int, s: int, h: wp.float64, T: Trees):
     n = dofs[1] - dofs[0]
     at = T.strings.first_value[s]
     root = T.t.first_link[g]
-    e = string_ends(s, T)
+    ends = string_ends(s, T)
     for d in range(n):
         T.strings.Z[at + d] = wp.float64(0.0)
-    arm = e.p_b - T.X[root]
-    add_string_side(s, T.strings.b[s], arm, e.n, wp.float64(1.0), dofs[0], T)
-    add_string_side(s, T.strings.a[s], arm, e.n, wp.float64(-1.0), dofs[0], T)
+    arm = ends.p_b - T.X[root]
+    add_string_side(s, T.strings.b[s], arm, ends.n, wp.float64(1.0), dofs[0], T)
+    add_string_side(s, T.strings.a[s], arm, ends.n, wp.float64(-1.0), dofs[0], T)
     whole = substitute_dense_row(T.strings.Z, at, dofs[0], n, T)
     left = whole
     if T.loops.first_row[g + 1] > T.loops.first_row[g]:
@@ -173,14 +173,14 @@ def set_string_row(g: int, s: int, h: wp.float64, T: Trees):
             left += T.strings.Z[at + d] * T.strings.Z[at + d]
     acts = left > EMPTY * whole and is_string_whole(s, T)
     T.strings.response[s] = wp.where(acts, left, wp.float64(0.0))
-    T.strings.length[s] = e.g
-    T.strings.n[s] = e.n
+    T.strings.length[s] = ends.g
+    T.strings.n[s] = ends.n
     T.strings.base[s] = wp.float64(0.0)
     T.strings.bend[s] = wp.float64(0.0)
     if h > wp.float64(0.0):
-        T.strings.bend[s] = straight_bend(s, root, h, e, T)
+        T.strings.bend[s] = straight_bend(s, root, h, ends, T)
     if T.moves == 1:
-        T.strings.base[s] = string_base_rate(s, root, e, T)
+        T.strings.base[s] = string_base_rate(s, root, ends, T)
 
 
 @standalone_function

@@ -157,16 +157,16 @@ def add_string_wrenches(g: int, h: wp.float64, T: Trees):
     """N, F of links less what strings gave in a substep of h [s]. One lane."""
     if tree_lane() == 0:
         for s in range(T.strings.first_row[g], T.strings.first_row[g + 1]):
-            e = string_ends(s, T)
+            ends = string_ends(s, T)
             force = (T.strings.sum[s] + T.strings.push[s]) / h * T.strings.n[s]
             a = T.strings.a[s]
             b = T.strings.b[s]
             if a >= 0:
                 T.F[a] = T.F[a] + force
-                T.N[a] = T.N[a] + wp.cross(e.p_a, force)
+                T.N[a] = T.N[a] + wp.cross(ends.p_a, force)
             if b >= 0:
                 T.F[b] = T.F[b] - force
-                T.N[b] = T.N[b] - wp.cross(e.p_b, force)
+                T.N[b] = T.N[b] - wp.cross(ends.p_b, force)
     tree_barrier()
 
 

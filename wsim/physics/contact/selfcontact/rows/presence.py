@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wsim.kernels.contact.selfcontact import pairs
-from wsim.physics.contact.selfcontact.modules import contact_sweep_module
 
 if TYPE_CHECKING:
     from wsim.physics.contact.selfcontact.method import SelfContactMethod
@@ -21,7 +20,7 @@ class BallPresence:
         surfaces, upload = method.surfaces, method.model.upload
         surfaces.data.there, self.balls = self.there, upload(surfaces.balls, int)
         self.known = upload(np.full(len(surfaces.balls), -1, np.int32), int)
-        self.kernel = pairs.presence_kernel(contact_sweep_module(self.model, False))
+        self.kernel = pairs.presence_kernel(self.model.shared_module("ball_presence"))
 
     def update(self) -> None:
         """Launches what asks for a new list where a ball has come or gone, and takes its inverse mass."""
