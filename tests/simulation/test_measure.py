@@ -199,3 +199,14 @@ def test_counts_of_a_warning_are_told_with_all_their_digits():
         _add_exceeded_note(sim, ("pairs",), value, "{worst} pairs")
     _add_exceeded_note(sim, ("strain",), 2.38461, "{worst} times as long")
     assert sim.warnings == ["frame 1 and 2 later, worst in frame 2: 1234 pairs", "frame 3: 2.38 times as long"]
+
+
+def test_reports_name_one_of_many_reasons_why_the_balance_is_open():
+    """Of each number of frames; nine drives of a robot made one line of 500 characters."""
+    from wsim.simulation.report import _balance_lines
+    opens = {"/J1 varies": 144, "/J2 varies": 144, "/tie": 3, "/J3 varies": 144}
+    said = {"frames": 144, "rise": 0.01, "strained": False}
+    assert _balance_lines({"balance": said | {"left_open": opens}}) == [
+        "balance   of 144 frames: 144 left open (/J1 varies; and 2 more), 3 left open (/tie)"]
+    assert _balance_lines({"balance": said | {"left_open": {"/tie": 3}}}) == [
+        "balance   of 144 frames: energy rose by at most 1 % of the largest kinetic energy; 3 left open (/tie)"]

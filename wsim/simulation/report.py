@@ -176,8 +176,11 @@ def _balance_lines(report: dict) -> list[str]:
     said, repeats = report.get("balance"), report.get("repeats", [])
     lines = []
     if said and said["frames"]:
-        opened = ", ".join(f"{n} left open ({why})" for why, n in said["left_open"].items())
-        whole = all(n < said["frames"] for n in said["left_open"].values())
+        counts = list(said["left_open"].values())
+        reasons = {n: [why for why, frames in said["left_open"].items() if frames == n] for n in counts}
+        opened = ", ".join(f"{n} left open ({whys[0]}" + f"; and {len(whys) - 1} more" * (len(whys) > 1) + ")"
+                           for n, whys in reasons.items())
+        whole = all(n < said["frames"] for n in counts)
         rose = f"energy rose by at most {100.0 * said['rise']:.2g} % of the largest kinetic energy"
         rose += ", without that of edges which sweeps leave strained" * said["strained"]
         lines.append(f"balance   of {said['frames']} frames: {'; '.join(filter(None, [rose * whole, opened]))}")
