@@ -23,7 +23,7 @@ import warp as wp
 from wsim.kernels.math.point_energy import bounded_work, point_motion_type
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate_rotation, rotate_vector, unit_quaternion
-from wsim.kernels.rigid.contact import rig_type
+from wsim.kernels.rigid.contact import first_manifold_func, rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import joint_step_functions
 from wsim.kernels.rigid.joint.tables import LOCKED, NONE
@@ -133,13 +133,15 @@ def check_joints(J: Linked, size: wp.array(dtype=wp.float64), worlds: int, word:
 
 @cache
 def contact_energy_kernel(real):
-    """Kernel over threads of the only world: a row of the ledger each, with the energy that its contacts may give back. h: of
-    the last substep [s]."""
-    Rig, t = rig_type(real), types(real)
+    """Kernel over (worlds x threads): a row of the ledger each, with the energy that contacts may give back. h: of the last
+    substep [s]."""
+    Rig, t, first_manifold = rig_type(real), types(real), first_manifold_func(real)
 
-    def sum_contact_energy(rig: Rig, h: wp.float64, rows: wp.array(dtype=wp.vec4d)):
+    def sum_contact_energy(rig: Rig, h: wp.float64, worlds: int, rows: wp.array(dtype=wp.vec4d)):
+        threads = rows.shape[0] // worlds
+        world = wp.tid() // threads
         held = wp.float64(0.0)
-        for m in range(wp.tid(), rig.c.count.shape[0], rows.shape[0]):
+        for m in range(first_manifold(world, rig) + wp.tid() % threads, first_manifold(world + 1, rig), threads):
             for i in range(rig.c.count[m]):
                 depth = wp.max(-wp.float64(rig.work.now[4 * m + i]), wp.float64(0.0))
                 held += wp.float64(0.5) / h * wp.float64(rig.c.push[4 * m + i]) * depth

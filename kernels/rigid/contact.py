@@ -18,6 +18,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.motion import body_structs as bodies
 
@@ -206,3 +207,25 @@ def manifold_count_func(real):
         return wp.min(rig.work.listed[0], rig.c.a.shape[0])
 
     return count_listed_manifolds
+
+
+@cache
+def first_manifold_func(real):
+    """Function: place of the first manifold whose shape a is of world w or a later one. The list is sorted by shape a, and so
+    by worlds."""
+    Rig, count = rig_type(real), manifold_count_func(real)
+
+    @standalone_function
+    @wp.func
+    def first_manifold_of_world(w: int, rig: Rig):
+        low = int(0)
+        high = count(rig)
+        while low < high:
+            middle = (low + high) // 2
+            if rig.s.world[rig.c.a[middle]] < w:
+                low = middle + 1
+            else:
+                high = middle
+        return low
+
+    return first_manifold_of_world

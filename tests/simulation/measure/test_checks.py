@@ -310,14 +310,16 @@ def test_a_collider_that_stands_out_of_a_cloth_between_its_points_is_told(solver
     assert len(found) == told and all("wsim:thickness" in w for w in found)
 
 
-def test_the_balance_counts_what_pressed_contacts_hold():
-    """A box at rest presses its springs by d under its weight: they hold m g d / 2, which they may give back."""
+@pytest.mark.parametrize("worlds", [1, 3])
+def test_the_balance_counts_what_pressed_contacts_hold(worlds):
+    """A box at rest presses its springs by d under its weight: they hold m g d / 2 in each world, which they may give back."""
     scene = Scene(fps=60, substeps=4, iterations=8)
     scene.collider("/floor", Plane())
     scene.body("/box", Box((0.1, 0.1, 0.1)), at=(0.0, 0.1, 0.0), mass=8.0)
-    simulation = Simulation(scene, device="cpu", precision="float64")
+    simulation = Simulation(scene, device="cpu", precision="float64", worlds=worlds)
     simulation.run(60)
     terms = simulation.plan.method("balance").terms
-    held = sum(rows.numpy()[:, 2].sum() for each, rows in zip(terms.each, terms.own, strict=True) if each == terms.sum_contacts)
-    depth = 0.1 - simulation.poses()["/box"][1, 3]
-    assert depth > 1e-6 and held == pytest.approx(0.5 * 8.0 * 9.81 * depth, rel=1e-3)
+    rows = terms.own[terms.each.index(terms.sum_contacts)].numpy().reshape(worlds, -1, 4)
+    for world, held in enumerate(rows[:, :, 2].sum(axis=1)):
+        depth = 0.1 - simulation.poses(world=world)["/box"][1, 3]
+        assert depth > 1e-6 and held == pytest.approx(0.5 * 8.0 * 9.81 * depth, rel=1e-3)

@@ -10,7 +10,7 @@ a and alpha are changes of velocities over the frame; S, r and omega those in it
 import warp as wp
 
 from wsim.kernels.math.rotation import multiply_rotations, rotate_vector, unit_quaternion
-from wsim.kernels.rigid.contact import manifold_count_func, rig_type
+from wsim.kernels.rigid.contact import first_manifold_func, rig_type
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import joint_step_functions
 from wsim.kernels.rigid.motion import angular_velocity_of, body_structs, double_quat, double_vec3
@@ -68,35 +68,20 @@ def link_reading_kernel(real, module):
 
 def contact_force_kernel(real, module):
     """Kernel over bodies: sum of the contact forces on each in the last substep of h [s], world [N], in the list's order."""
-    Rig, count = rig_type(real), manifold_count_func(real)
+    Rig, first_manifold = rig_type(real), first_manifold_func(real)
 
     def sum_contact_forces(h: real, worlds: int, rig: Rig, force: wp.array(dtype=wp.vec3d)):
         i = wp.tid()
         w = i // (rig.b.w.shape[0] // worlds)
-        low = int(0)
-        high = count(rig)
-        while low < high:                               # the list is sorted by shape a, world by world
-            middle = (low + high) // 2
-            if rig.s.world[rig.c.a[middle]] < w:
-                low = middle + 1
-            else:
-                high = middle
         found = wp.vec3d()
-        m = int(low)
-        more = bool(True)
-        while more:
-            more = m < count(rig)
-            if more:
-                more = rig.s.world[rig.c.a[m]] == w
-            if more:
-                sign = wp.float64(0.0)
-                if rig.s.frame[rig.c.a[m]] == i:
-                    sign = wp.float64(1.0)
-                elif rig.s.frame[rig.c.b[m]] == i:
-                    sign = wp.float64(-1.0)
-                for e in range(rig.c.count[m]):
-                    found += sign * double_vec3(rig.c.push[4 * m + e] * rig.c.n[m] + rig.c.rub[4 * m + e])
-                m += 1
+        for m in range(first_manifold(w, rig), first_manifold(w + 1, rig)):
+            sign = wp.float64(0.0)
+            if rig.s.frame[rig.c.a[m]] == i:
+                sign = wp.float64(1.0)
+            elif rig.s.frame[rig.c.b[m]] == i:
+                sign = wp.float64(-1.0)
+            for e in range(rig.c.count[m]):
+                found += sign * double_vec3(rig.c.push[4 * m + e] * rig.c.n[m] + rig.c.rub[4 * m + e])
         force[i] = found / wp.float64(h)
 
     return wp.kernel(sum_contact_forces, name="sum_contact_forces", module=module, enable_backward=False)

@@ -143,7 +143,7 @@ class EnergyTerms:
         self.balance_bodies = body_balance_kernel(self.model.real)
         self.kernels.append(self.balance_bodies)
         self.each.append(self.sum_bodies)
-        if self.rigid.contacts and self.worlds == 1:            # manifolds of many worlds are in no order of worlds
+        if self.rigid.contacts:
             from wsim.kernels.rigid.checks import contact_energy_kernel
             self.balance_contacts = contact_energy_kernel(self.model.real)
             self.kernels.append(self.balance_contacts)
@@ -164,7 +164,7 @@ class EnergyTerms:
         self.model.launch(self.balance_bodies, rows.size, inputs, [rows])
 
     def sum_contacts(self, rows: wp.array) -> None:
-        self.model.launch(self.balance_contacts, rows.size, [self.rigid.contacts.rig(), self.h], [rows])
+        self.model.launch(self.balance_contacts, rows.size, [self.rigid.contacts.rig(), self.h, self.worlds], [rows])
 
     def sum_drives(self, rows: wp.array) -> None:
         joints: Any = self.rigid.joints

@@ -5,7 +5,7 @@ or, where it has many trees and is the only one, the warps of a block or of a cl
 import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
-from wsim.kernels.rigid.contact import manifold_count_func, rig_type
+from wsim.kernels.rigid.contact import first_manifold_func, rig_type
 from wsim.kernels.rigid.joint.tree.lanes import count_lanes, lanes_before, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
@@ -26,21 +26,7 @@ class WorldTeam:
 
 def world_team_func(real):
     """Function (warp, teams, rig, T): the team of a warp."""
-    Rig, count = rig_type(real), manifold_count_func(real)
-
-    @standalone_function
-    @wp.func
-    def first_manifold_of_world(w: int, rig: Rig):
-        """Place of the first manifold whose shape a is of world w or a later one: the list is sorted by it."""
-        low = int(0)
-        high = count(rig)
-        while low < high:
-            middle = (low + high) // 2
-            if rig.s.world[rig.c.a[middle]] < w:
-                low = middle + 1
-            else:
-                high = middle
-        return low
+    Rig, first_manifold = rig_type(real), first_manifold_func(real)
 
     @wp.func
     def world_team(warp: int, teams: int, rig: Rig, T: Trees):
@@ -51,8 +37,8 @@ def world_team_func(real):
         found.of = teams
         found.tree = T.first_tree[w]
         found.last_tree = T.first_tree[w + 1]
-        found.manifold = first_manifold_of_world(w, rig)
-        found.last_manifold = first_manifold_of_world(w + 1, rig)
+        found.manifold = first_manifold(w, rig)
+        found.last_manifold = first_manifold(w + 1, rig)
         return found
 
     return world_team
