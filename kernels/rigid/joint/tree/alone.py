@@ -25,12 +25,12 @@ from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_vec3
 
 
-def tree_substep_kernel(real, module, moving: bool = False, breaking: bool = False, **bounds):
+def tree_substep_kernel(real, module, moving: bool = False, breaking: bool = False, strings: bool = False, **bounds):
     """Kernel of substeps steps[0] .. steps[1] of h [s] of trees and of bodies without joints: a thread each. asleep: 1 for
-    bodies of those that stay, or None. moving: what some hang from moves (bases.py); breaking: joints may break (breaks.py).
-    bounds: of a launch on a GPU (lanes.py)."""
+    bodies of those that stay, or None. moving: what some hang from moves (bases.py); breaking: joints may break (breaks.py);
+    strings: some distances stay within a range (loops/strings.py). bounds: of a launch on a GPU (lanes.py)."""
     Bodies, Moving = body_structs(real)
-    f, lone = tree_step_functions(real, moving), joint_step_functions(real)
+    f, lone = tree_step_functions(real, moving, breaking, strings), joint_step_functions(real)
     begin, step, write, kicks, place = f.begin, f.step, f.write, lone.kicks, lone.place
     end_break = tree_break_functions(real).end if breaking else None
 
@@ -108,9 +108,9 @@ def tree_velocity_kernel(real, module):
     return wp.kernel(project_tree_velocity, name="project_tree_velocity", module=module, enable_backward=False)
 
 
-def tree_acceleration_kernel(real, module, moving: bool = False):
+def tree_acceleration_kernel(real, module, moving: bool, breaking: bool):
     """Kernel, over trees: accelerations qdd in `tau` at q, qd, with drives as they are at the end of substep 0."""
-    f = tree_step_functions(real, moving)
+    f = tree_step_functions(real, moving, breaking, False)
     begin, evaluate = f.begin, f.evaluate
     Bodies, _ = body_structs(real)
 

@@ -16,30 +16,14 @@ from wsim.kernels.math.marks import standalone_function
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.rows import PULL, SPIN
 from wsim.kernels.rigid.joint.tables import FAR, LIMITED
-from wsim.kernels.rigid.joint.tree.contact.responses import close_tree_sweeps, open_tree_sweeps
 from wsim.kernels.rigid.joint.tree.joint_forces import JointRow, row_rate, row_response_column, tree_joint_row
-from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import any_lane, tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.loops.impulses import keep_loops_of_row
-from wsim.kernels.rigid.joint.tree.loops.strings import (
-    has_strings,
-    passes_tree_string,
-    place_string_ends,
-    renew_string_bends,
-    reset_string_impulses,
-    start_tree_strings,
-    sweep_tree_strings,
-)
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
-from wsim.kernels.rigid.joint.tree.substep.bases import place_tree_base
-from wsim.kernels.rigid.joint.tree.substep.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.tables import Trees
 
-SWEEPS = wp.constant(64)
-DONE = wp.constant(wp.float64(1.0e-12))      # of the largest rate: change in a sweep at which sweeps end
 AT = wp.constant(wp.float64(1.0e-9))         # [m], [rad] from a limit: there, behind the places
 BACK = wp.constant(wp.float64(0.2))
-BENT, BENDS = wp.constant(wp.float64(1.0e-13)), wp.constant(10)                 # [m] at which strings are right, tries
 REACH, NEAR = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(0.02))       # a blow may reach farther: then a step late
 
 
@@ -140,7 +124,7 @@ def start_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
             T.response[d] = row_response_column(g, tree_joint_row(link, d, T, J), d, T)
             acting = 1
     tree_barrier()
-    return wp.max(any_lane(acting), start_tree_strings(g, h, T))
+    return any_lane(acting)
 
 
 @standalone_function
@@ -151,13 +135,13 @@ def reset_limit_impulses(g: int, T: Trees):
     for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
         T.push[d] = wp.float64(0.0)
         T.rub[d] = wp.float64(0.0)
-    reset_string_impulses(g, T)
+    tree_barrier()
 
 
 @standalone_function
 @wp.func
 def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
-    """One sweep over u; returns the largest change of a row's rate, over the largest rate."""
+    """One sweep over u; (largest change of a row's rate, largest rate)."""
     t = T.t
     worst = wp.float64(0.0)
     most = wp.float64(1.0e-300)
@@ -187,55 +171,13 @@ def sweep_tree_limits(g: int, h: wp.float64, T: Trees, J: Linked):
                 most = wp.max(most, wp.abs(rate))
                 T.push[d] = push
             tree_barrier()
-    if has_strings(g, T):
-        of_strings = sweep_tree_strings(g, h, T)
-        worst = wp.max(worst, of_strings[0])
-        most = wp.max(most, of_strings[1])
-    return worst / most
+    return wp.vec2d(worst, most)
 
 
 @standalone_function
 @wp.func
-def bend_tree_strings(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
-    """Measures what strings do by the rates of substep k that are not linear in them; by how much that changed [m]."""
-    close_tree_sweeps(g, T)
-    if T.moves == 1:
-        place_tree_base(g, k, wp.float64(1.0), h, T, J)
-        place_string_ends(g, k, wp.float64(1.0), h, T, J)
-    move_tree_coordinates(g, h, T.qd, T.q_before, T)
-    place_tree(g, T)
-    found = renew_string_bends(g, h, T)
-    copy_tree_state(g, T.q_before, T.qd, T.q, T.qd, T)
-    return found
-
-
-@standalone_function
-@wp.func
-def solve_tree_limits(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
-    """qd obeys limits and friction of tree g. Returns what the last sweep changed, over the largest rate."""
-    left = wp.float64(0.0)
-    if start_tree_limits(g, h, T, J) == 1:
-        open_tree_sweeps(g, T)
-        bent = wp.float64(1.0)
-        tries = int(0)
-        while bent > BENT and tries < BENDS:
-            sweep = int(0)
-            left = wp.float64(1.0)
-            while left > DONE and sweep < SWEEPS:
-                left = sweep_tree_limits(g, h, T, J)
-                sweep += 1
-            bent = wp.float64(0.0)
-            if h > wp.float64(0.0) and has_strings(g, T):
-                bent = bend_tree_strings(g, k, h, T, J)
-            tries += 1
-        close_tree_sweeps(g, T)
-    return left
-
-
-@standalone_function
-@wp.func
-def passes_tree_limit(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
-    """1 where a coordinate or a string is beyond a limit at the end of substep k, or a joint has dry friction."""
+def passes_tree_limit(g: int, T: Trees, J: Linked):
+    """1 where a coordinate is beyond a limit, or a joint has dry friction."""
     t = T.t
     found = int(0)
     dofs = tree_dofs(g, T)
@@ -247,10 +189,4 @@ def passes_tree_limit(g: int, k: int, h: wp.float64, T: Trees, J: Linked):
             r = tree_joint_row(link, d, T, J)
             if r.g < J.t.low[t.joint[link], t.row[d]] or r.g > J.t.high[t.joint[link], t.row[d]]:
                 found = 1
-    if has_strings(g, T):
-        if T.moves == 1:
-            place_tree_base(g, k, wp.float64(1.0), h, T, J)
-            place_string_ends(g, k, wp.float64(1.0), h, T, J)
-        place_tree(g, T)
-        found = wp.max(found, passes_tree_string(g, T))
     return any_lane(found)

@@ -38,7 +38,6 @@ from wsim.kernels.rigid.joint.tree.joint_forces import (
 )
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, move_tree_velocities, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import sum_over_lanes, tree_barrier, tree_lane, tree_lanes
-from wsim.kernels.rigid.joint.tree.limits import passes_tree_limit, solve_tree_limits
 from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
 from wsim.kernels.rigid.joint.tree.loops.steps import (
     close_tree_loops,
@@ -46,7 +45,7 @@ from wsim.kernels.rigid.joint.tree.loops.steps import (
     constrain_tree_stage,
     note_tree_stage,
 )
-from wsim.kernels.rigid.joint.tree.loops.strings import place_string_ends, reset_string_impulses
+from wsim.kernels.rigid.joint.tree.loops.strings import reset_string_impulses
 from wsim.kernels.rigid.joint.tree.mass_matrix import (
     assemble_tree_matrix,
     copy_tree_matrix,
@@ -61,6 +60,7 @@ from wsim.kernels.rigid.joint.tree.newton_euler import bounded_decay, link_inert
 from wsim.kernels.rigid.joint.tree.substep.bases import kick_tree, place_tree_base
 from wsim.kernels.rigid.joint.tree.substep.bodies import tree_writing_func
 from wsim.kernels.rigid.joint.tree.substep.breaks import set_break_tables
+from wsim.kernels.rigid.joint.tree.substep.one_sided import one_sided_functions
 from wsim.kernels.rigid.joint.tree.substep.stages import advance_stage, copy_tree_state, mean_tree_rates, tangent_rates
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.motion import body_structs, double_vec3
@@ -73,10 +73,11 @@ GAMMA = wp.constant(wp.float64(1.0 - 0.5**0.5))
 
 
 @cache
-def tree_step_functions(real, moving: bool = False):
+def tree_step_functions(real, moving: bool, breaking: bool, strings: bool):
     """Functions of a tree: evaluate (terms of its equation of motion), step, write (its bodies). moving: what some hang from
-    moves (bases.py)."""
-    Bodies, _ = body_structs(real)
+    moves (bases.py); breaking: joints may break (breaks.py); strings: some distances stay within a range (loops/strings.py)."""
+    (Bodies, _), one_sided = body_structs(real), one_sided_functions(strings)
+    passes, solve, place_supports = one_sided.passes, one_sided.solve, one_sided.place
 
     @standalone_function
     @wp.func
@@ -114,7 +115,8 @@ def tree_step_functions(real, moving: bool = False):
         """A frame begins: which steps the drives of a tree allow, and what those of accelerations move."""
         if wp.static(moving):
             place_tree_base(g, 0, wp.float64(0.0), h, T, J)
-        set_break_tables(g, T)
+        if wp.static(breaking):
+            set_break_tables(g, T)
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         factor_tree_matrix(g, T)
@@ -258,9 +260,10 @@ def tree_step_functions(real, moving: bool = False):
         alike."""
         if wp.static(moving):
             kick_tree(g, k, h, T, J)
-        reset_string_impulses(g, T)
+        if wp.static(strings):
+            reset_string_impulses(g, T)
         predict_tree(g, k, T.integrator[g], h, b, T, J)
-        if passes_tree_limit(g, k, h, T, J) == 1:
+        if passes(g, k, h, T, J) == 1:
             dofs = tree_dofs(g, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.gains[d] = T.qd[d] - T.rates[d]
@@ -269,28 +272,26 @@ def tree_step_functions(real, moving: bool = False):
             tree_barrier()
             copy_tree_state(g, T.q_before, T.qd, T.q, T.qd, T)
             if wp.static(moving):
-                place_tree_base(g, k, wp.float64(0.0), h, T, J)
-                place_string_ends(g, k, wp.float64(0.0), h, T, J)
+                place_supports(g, k, wp.float64(0.0), h, T, J)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             add_drive_inertia(g, k, h, T, J)
             add_actuator_inertia(g, k, h, T, J)
             factor_tree_matrix(g, T)
             ready_loops(g, T)
-            T.left[g] = wp.max(T.left[g], solve_tree_limits(g, k, h, T, J))
+            T.left[g] = wp.max(T.left[g], solve(g, k, h, T, J))
             move_tree_coordinates(g, h, T.qd, T.q_before, T)
             for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
                 T.qd[d] = T.qd[d] + T.gains[d]
             tree_barrier()
             if wp.static(moving):
-                place_tree_base(g, k, wp.float64(1.0), h, T, J)
-                place_string_ends(g, k, wp.float64(1.0), h, T, J)
+                place_supports(g, k, wp.float64(1.0), h, T, J)
             close_tree_loops(g, T)
             place_tree(g, T)
             assemble_tree_matrix(g, T)
             factor_tree_matrix(g, T)
             ready_loops(g, T)
-            T.left[g] = wp.max(T.left[g], solve_tree_limits(g, k, wp.float64(0.0), T, J))
+            T.left[g] = wp.max(T.left[g], solve(g, k, wp.float64(0.0), T, J))
         else:
             close_tree_loops(g, T)
 

@@ -7,7 +7,8 @@ from dataclasses import astuple, dataclass
 class TreeContactNeeds:
     """moving: what some trees hang from moves; bouncing: something has restitution; exact: sweeps end at a residual; sleeping:
     trees may sleep; soft: contacts are MuJoCo's (soft_model.py); pushed: points or strands push links, which keep momentum
-    with them (balance.py); breaking: joints may break (../substep/breaks.py)."""
+    with them (balance.py); breaking: joints may break (../substep/breaks.py); strings: some distances stay within a range
+    (../loops/strings.py)."""
 
     moving: bool = False
     bouncing: bool = False
@@ -16,7 +17,13 @@ class TreeContactNeeds:
     soft: bool = False
     pushed: bool = False
     breaking: bool = False
+    strings: bool = False
 
     @property
     def key(self) -> tuple[bool, ...]:
         return astuple(self)
+
+    @property
+    def of_step(self) -> tuple[bool, bool, bool]:
+        """What a step of a tree needs (../steps.py)."""
+        return self.moving, self.breaking, self.strings

@@ -17,13 +17,12 @@ from wsim.kernels.rigid.joint.tree.contact.teams import WorldTeam, touching_mani
 from wsim.kernels.rigid.joint.tree.joint_forces import add_drive_inertia
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_coordinates, place_tree
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
-from wsim.kernels.rigid.joint.tree.limits import reset_limit_impulses, start_tree_limits
 from wsim.kernels.rigid.joint.tree.loops.basis import ready_loops
 from wsim.kernels.rigid.joint.tree.loops.steps import close_tree_loops
-from wsim.kernels.rigid.joint.tree.loops.strings import place_string_ends
 from wsim.kernels.rigid.joint.tree.mass_matrix import assemble_tree_matrix, factor_tree_matrix, tree_dofs
 from wsim.kernels.rigid.joint.tree.steps import IMPLICIT, ROS2, tree_step_functions
 from wsim.kernels.rigid.joint.tree.substep.bases import place_tree_base
+from wsim.kernels.rigid.joint.tree.substep.one_sided import one_sided_functions
 from wsim.kernels.rigid.joint.tree.substep.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.lists.worlds import body_straying_func
@@ -47,8 +46,10 @@ def tree_awake_func(real, sleeping: bool):
 @cache
 def tree_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
     """Parts of a substep of one tree, or of all of a team."""
-    moving = needs.moving
-    Rig, f, contact = rig_type(real), tree_step_functions(real, moving), link_contact_functions(real, moving, needs.soft)
+    moving, one_sided = needs.moving, one_sided_functions(needs.strings)
+    start, reset, place_supports = one_sided.start, one_sided.reset, one_sided.place
+    Rig, f, contact = (rig_type(real), tree_step_functions(real, *needs.of_step),
+                       link_contact_functions(real, moving, needs.soft))
     kick, advance, mark, arms, prepare, end = f.kick, f.predict, contact.mark, contact.arms, contact.prepare, contact.end
     nth = touching_manifold_functions(real, coloured)[1]
     awake, soft_goals = tree_awake_func(real, needs.sleeping), soft_goal_func(real, moving) if needs.soft else None
@@ -59,8 +60,7 @@ def tree_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
     def ready_tree(g: int, k: int, h: real, rig: Rig, J: Linked, T: Trees):
         """Places a tree at its coordinates, with the factors of H and limits; its bodies are turned as it is."""
         if wp.static(moving):
-            place_tree_base(g, k, wp.float64(0.0), wp.float64(h), T, J)
-            place_string_ends(g, k, wp.float64(0.0), wp.float64(h), T, J)
+            place_supports(g, k, wp.float64(0.0), wp.float64(h), T, J)
         place_tree(g, T)
         assemble_tree_matrix(g, T)
         if T.integrator[g] == ROS2 or T.integrator[g] == IMPLICIT:
@@ -68,7 +68,7 @@ def tree_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
             add_actuator_inertia(g, k, wp.float64(h), T, J)
         factor_tree_matrix(g, T)
         ready_loops(g, T)
-        start_tree_limits(g, wp.float64(h), T, J)
+        start(g, wp.float64(h), T, J)
         for link in range(T.t.first_link[g] + tree_lane(), T.t.first_link[g + 1], tree_lanes()):
             T.met[link] = 0
         tree_barrier()
@@ -109,7 +109,7 @@ def tree_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
             kick(g, k, h, P, J)
             copy_tree_state(g, P.q, P.qd, P.q, T.qd, T)
         advance(g, k, T.integrator[g], h, rig.b, P, J)
-        reset_limit_impulses(g, T)
+        reset(g, T)
 
     @standalone_function
     @wp.func

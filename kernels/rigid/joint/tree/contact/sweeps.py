@@ -14,7 +14,7 @@ from wsim.kernels.rigid.joint.tree.contact.parts import tree_awake_func, tree_pa
 from wsim.kernels.rigid.joint.tree.contact.responses import close_tree_sweeps
 from wsim.kernels.rigid.joint.tree.contact.teams import WorldTeam, touching_manifold_functions, world_flag_func
 from wsim.kernels.rigid.joint.tree.lanes import tree_lane
-from wsim.kernels.rigid.joint.tree.limits import sweep_tree_limits
+from wsim.kernels.rigid.joint.tree.substep.one_sided import one_sided_functions
 from wsim.kernels.rigid.joint.tree.substep.stages import copy_tree_state
 from wsim.kernels.rigid.joint.tree.tables import Trees
 from wsim.kernels.rigid.kinds import SERIAL
@@ -28,7 +28,7 @@ def tree_sweep_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
     Rig, contact = rig_type(real), link_contact_functions(real, moving, needs.soft)
     warm, solve, residual, awake = contact.warm, contact.solve, contact.residual, tree_awake_func(real, needs.sleeping)
     strike = link_impact_functions(real, moving).strike if needs.bouncing else None
-    nth = touching_manifold_functions(real, coloured)[1]
+    nth, sweep_limits = touching_manifold_functions(real, coloured)[1], one_sided_functions(needs.strings).sweep
 
     @wp.func
     def act_on_manifold(m: int, act: int, w: int, k: int, h: real, biased: int, rig: Rig, T: Trees):
@@ -66,7 +66,7 @@ def tree_sweep_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
         walk_manifolds(team, act, k, h, biased, rig, T)
         for g in range(team.tree + team.number, team.last_tree, team.of):
             if awake(g, rig, T):
-                sweep_tree_limits(g, wp.float64(biased) * wp.float64(h), T, J)
+                sweep_limits(g, wp.float64(biased) * wp.float64(h), T, J)
         meet()
 
     @standalone_function

@@ -33,7 +33,7 @@ from wsim.kernels.rigid.soft_step import body_steps
 
 def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds):
     """(begin, predict, solve, end): functions of a team, of a substep of its world, behind each other."""
-    Rig, f, parts = rig_type(real), tree_step_functions(real, needs.moving), tree_part_functions(real, meet, coloured, needs)
+    Rig, f, parts = rig_type(real), tree_step_functions(real, *needs.of_step), tree_part_functions(real, meet, coloured, needs)
     begin, write, ready, contacts, predict, opened, move, place = (f.begin, f.write, parts.ready, parts.contacts, parts.predict,
                                                                    parts.open, parts.move, parts.place)
     walk, sweep, solve = tree_sweep_functions(real, meet, coloured, needs)

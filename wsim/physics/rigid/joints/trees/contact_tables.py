@@ -9,6 +9,7 @@ from wsim.kernels.rigid.joint.tree.contact.needs import TreeContactNeeds
 from wsim.kernels.rigid.joint.tree.tables import mat66d, pushed_link_struct, vec5d
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid.joints.trees.break_tables import some_joint_breaks
+from wsim.physics.rigid.joints.trees.strings import some_distance_ranges
 from wsim.physics.rigid.meetings import has_restitution
 from wsim.physics.rigid.solids import bodies_may_sleep, has_soft_contacts
 
@@ -18,7 +19,7 @@ def tree_contact_needs(trees) -> TreeContactNeeds:
     scene, moves = trees.model.scene, bool(trees.trees.moves)
     soft = has_soft_contacts(scene)
     return TreeContactNeeds(moves, has_restitution(scene) and not soft, scene.contact_tolerance > 0.0, bodies_may_sleep(scene),
-                            soft, trees.pushed, some_joint_breaks(trees))
+                            soft, trees.pushed, some_joint_breaks(trees), some_distance_ranges(trees))
 
 
 def add_soft_tables(trees, contacts) -> None:

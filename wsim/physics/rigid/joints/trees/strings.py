@@ -45,6 +45,11 @@ def is_distance(joint: Joint) -> bool:
     return DISTANCE in joint.limits or DISTANCE in joint.drives
 
 
+def some_distance_ranges(trees) -> bool:
+    """Whether trees keep a distance within a range. trees: `DeviceTrees`, with links."""
+    return bool(trees.links.strings.joint)
+
+
 def string_frames(trees) -> dict[str, np.ndarray]:
     """at_a, at_b of a world, (strings, 3): ends in principal axes of a link, or from where its tree began."""
     rows, roots, sides = trees.links.strings, trees.links.first_link, trees.side_frames(trees.method.masses)

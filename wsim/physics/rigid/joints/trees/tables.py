@@ -21,7 +21,7 @@ from wsim.physics.rigid.joints.trees.contact_tables import add_soft_tables, cont
 from wsim.physics.rigid.joints.trees.links import FITS, tree_links
 from wsim.physics.rigid.joints.trees.loop_tables import loop_tables, tree_loop_frames
 from wsim.physics.rigid.joints.trees.loops import MIMIC, TURN, loop_gaps, start_violations
-from wsim.physics.rigid.joints.trees.strings import string_frames, string_tables
+from wsim.physics.rigid.joints.trees.strings import some_distance_ranges, string_frames, string_tables
 
 COORDINATES = (StateField("joint_q", "", True, "joint coordinates [m], [rad]; of balls quaternions (x, y, z, w)", "double"),)
 SPEEDS = (StateField("joint_qd", "", True, "generalised velocities [m/s], [rad/s]", "double"),)
@@ -198,7 +198,7 @@ class DeviceTrees(DeviceJoints):
         """Kernel of trees whose bodies touch nothing."""
         from wsim.kernels.rigid.joint.tree.alone import tree_substep_kernel
         self.settle = self.method.sleep.alone() if self.method.sleep else None
-        needs, bounds = (bool(self.trees.moves), some_joint_breaks(self)), self.launch_bounds
+        needs, bounds = (bool(self.trees.moves), some_joint_breaks(self), some_distance_ranges(self)), self.launch_bounds
         return tree_substep_kernel(self.model.real, self._tree_module("rigid_trees", *needs, bool(bounds)), *needs, **bounds)
 
     @property
@@ -269,8 +269,8 @@ class DeviceTrees(DeviceJoints):
         """Accelerations qdd (dofs of all worlds,) [m/s^2], [rad/s^2] at the coordinates and velocities now, without limits and
         dry friction."""
         from wsim.kernels.rigid.joint.tree.alone import tree_acceleration_kernel
-        moves = bool(self.trees.moves)
-        kernel = tree_acceleration_kernel(self.model.real, self._tree_module("tree_accelerations", moves), moves)
+        needs = bool(self.trees.moves), some_joint_breaks(self)
+        kernel = tree_acceleration_kernel(self.model.real, self._tree_module("tree_accelerations", *needs), *needs)
         self.launch_trees(kernel, [h, self.method.table, self.linked], [self.trees])
         return self.trees.tau.numpy()[:len(self.qd)]
 
