@@ -148,13 +148,34 @@ def touch_list_kernel(real, threads: int, module):
 
 
 @cache
+def star_aim_func(real):
+    """Function of body i: notes its momenta before a round, and those that its star foresees, which changes its velocity by v
+    and its spin by o."""
+    Worlds, Rig = world_type(real), rig_type(real)
+
+    @wp.func
+    def note_star_aim(W: Worlds, rig: Rig, i: int, v: wp.vec3d, o: wp.vec3d):
+        n = rig.b.w.shape[0]
+        W.was[i] = double_vec3(rig.now.p[i])
+        W.was[n + i] = double_vec3(rig.now.L[i])
+        W.aim[i] = W.was[i]
+        W.aim[n + i] = W.was[n + i]
+        if W.rows.first[i + 1] > W.rows.first[i]:
+            W.aim[i] = (W.found.ahead[i] + v) / wp.float64(rig.b.w[i])
+            W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double_vec3(rig.b.inverse[i]),
+                                          W.found.ahead[n + i] + o)
+
+    return note_star_aim
+
+
+@cache
 def star_round_funcs(real):
     """(foresee, reached): functions of body i: the star, by a team; whether the body has the momenta that the star has
     foreseen, or those before the round. first: 1 in the first round."""
     Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
     Table = project.contact_tables(real)[0]
     (gather, tell), (hub, _), solve = star_contact_funcs(real), star_body_funcs(real), star_solve_func(real)
-    (energy, weight), near = star_energy_funcs(real), NEAR[real] ** 2
+    (energy, weight), near, aim = star_energy_funcs(real), NEAR[real] ** 2, star_aim_func(real)
 
     @wp.func
     def foresee_body_velocity(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, i: int, at: wp.vec4i, first: int):
@@ -179,14 +200,7 @@ def star_round_funcs(real):
             W.V[i] = v
             W.V[n + i] = o
             W.left[i] = left
-            W.was[i] = double_vec3(rig.now.p[i])
-            W.was[n + i] = double_vec3(rig.now.L[i])
-            W.aim[i] = W.was[i]
-            W.aim[n + i] = W.was[n + i]
-            if W.rows.first[i + 1] > W.rows.first[i]:
-                W.aim[i] = (W.found.ahead[i] + v) / wp.float64(rig.b.w[i])
-                W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double_vec3(rig.b.inverse[i]),
-                                              W.found.ahead[n + i] + o)
+            aim(W, rig, i, v, o)
 
     @wp.func
     def foreseen_momentum_reached(W: Worlds, rig: Rig, i: int, h: real):

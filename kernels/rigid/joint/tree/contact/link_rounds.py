@@ -18,10 +18,9 @@ from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.joint.tree.contact.link_star import tree_star_func
 from wsim.kernels.rigid.joint.tree.lanes import tree_barrier, tree_lane, tree_lanes
 from wsim.kernels.rigid.joint.tree.tables import Trees
-from wsim.kernels.rigid.motion import double_vec3
-from wsim.kernels.rigid.touch.exchange import rotate_moments, star_body_funcs, star_contact_funcs
+from wsim.kernels.rigid.touch.exchange import star_body_funcs, star_contact_funcs
 from wsim.kernels.rigid.touch.points import touch_structs
-from wsim.kernels.rigid.touch.rounds import star_round_funcs, world_point_func, world_type
+from wsim.kernels.rigid.touch.rounds import star_aim_func, star_round_funcs, world_point_func, world_type
 
 
 @cache
@@ -32,7 +31,7 @@ def link_round_kernel(real, threads: int, module, moving: bool):
     Table, Reach = project.contact_tables(real)
     together = block.no_barrier if threads == 1 else block.block_barrier
     (gather, tell), take, reached = star_contact_funcs(real), star_body_funcs(real)[1], star_round_funcs(real)[1]
-    stars, project_world_points = tree_star_func(real, moving), world_point_func(real, threads)
+    stars, project_world_points, aim = tree_star_func(real, moving), world_point_func(real, threads), star_aim_func(real)
 
     @wp.func
     def foresee_tree(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, g: int, warp: int, T: Trees):
@@ -51,14 +50,7 @@ def link_round_kernel(real, threads: int, module, moving: bool):
             for m in range(W.rows.first[i] + tree_lane(), W.rows.first[i + 1], tree_lanes()):
                 tell(W.rows, W.found, m, v, o, p.h, s)
             if tree_lane() == 0:
-                W.was[i] = double_vec3(rig.now.p[i])
-                W.was[n + i] = double_vec3(rig.now.L[i])
-                W.aim[i] = W.was[i]
-                W.aim[n + i] = W.was[n + i]
-                if W.rows.first[i + 1] > W.rows.first[i]:
-                    W.aim[i] = (W.found.ahead[i] + v) / wp.float64(rig.b.w[i])
-                    W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double_vec3(rig.b.inverse[i]),
-                                                  W.found.ahead[n + i] + o)
+                aim(W, rig, i, v, o)
 
     def link_rounds(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, fresh: int, rig: Rig, T: Trees):
         w = wp.tid() / wp.static(threads)

@@ -33,21 +33,28 @@ def tree_loop_rows(g: int, T: Trees):
     return wp.vec2i(T.loops.first_row[g], T.loops.first_row[g + 1])
 
 
+@wp.func
+def link_frame_place(link: int, at: wp.vec3d, T: Trees):
+    """Where a place of a link is, or of the world (-1), from where the root began."""
+    found = at
+    if link >= 0:
+        found = T.X[link] + rotate_vector(T.Q[link], at)
+    return found
+
+
 @standalone_function
 @wp.func
 def loop_row_ends(r: int, T: Trees):
     found = LoopEnds()
     a = T.loops.a[r]
     b = T.loops.b[r]
-    found.p_a = T.loops.at_a[r]
+    found.p_a = link_frame_place(a, T.loops.at_a[r], T)
     found.u = T.loops.e_a[r]
-    found.p_b = T.loops.at_b[r]
+    found.p_b = link_frame_place(b, T.loops.at_b[r], T)
     found.s = T.loops.e_b[r]
     if a >= 0:
-        found.p_a = T.X[a] + rotate_vector(T.Q[a], found.p_a)
         found.u = rotate_vector(T.Q[a], found.u)
     if b >= 0:
-        found.p_b = T.X[b] + rotate_vector(T.Q[b], found.p_b)
         found.s = rotate_vector(T.Q[b], found.s)
     if T.loops.kind[r] == LOOP_SPAN:
         found.u = wp.normalize(found.p_b - found.p_a)

@@ -13,13 +13,12 @@ places g' = 0 of strings that were taut (RATTLE: Andersen 1983). The step is of 
 import warp as wp
 
 from wsim.kernels.math.marks import standalone_function
-from wsim.kernels.math.rotation import rotate_vector
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.rows import PULL
 from wsim.kernels.rigid.joint.tables import FAR
 from wsim.kernels.rigid.joint.tree.kinematics import move_tree_velocities
 from wsim.kernels.rigid.joint.tree.lanes import any_lane, greatest_of_lanes, sum_over_lanes, tree_barrier, tree_lane, tree_lanes
-from wsim.kernels.rigid.joint.tree.loops.equations import substitute_dense_row
+from wsim.kernels.rigid.joint.tree.loops.equations import link_frame_place, substitute_dense_row
 from wsim.kernels.rigid.joint.tree.mass_matrix import tree_dofs
 from wsim.kernels.rigid.joint.tree.substep.bases import link_base_twist
 from wsim.kernels.rigid.joint.tree.tables import Trees
@@ -39,12 +38,6 @@ class StringEnds:
 
 
 @wp.func
-def tree_strings(g: int, T: Trees):
-    """(first, last) string of a tree, the last one left out."""
-    return wp.vec2i(T.strings.first_row[g], T.strings.first_row[g + 1])
-
-
-@wp.func
 def has_strings(g: int, T: Trees):
     return T.strings.first_row[g + 1] > T.strings.first_row[g]
 
@@ -58,12 +51,8 @@ def is_string_whole(s: int, T: Trees):
 @wp.func
 def string_ends(s: int, T: Trees):
     found = StringEnds()
-    found.p_a = T.strings.at_a[s]
-    found.p_b = T.strings.at_b[s]
-    if T.strings.a[s] >= 0:
-        found.p_a = T.X[T.strings.a[s]] + rotate_vector(T.Q[T.strings.a[s]], found.p_a)
-    if T.strings.b[s] >= 0:
-        found.p_b = T.X[T.strings.b[s]] + rotate_vector(T.Q[T.strings.b[s]], found.p_b)
+    found.p_a = link_frame_place(T.strings.a[s], T.strings.at_a[s], T)
+    found.p_b = link_frame_place(T.strings.b[s], T.strings.at_b[s], T)
     d = found.p_b - found.p_a
     found.g = wp.length(d)
     found.n = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
