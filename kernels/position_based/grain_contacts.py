@@ -14,7 +14,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.grains import grain_structs
+from wsim.kernels.position_based.grains import grain_structs, pair_impulse_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
 from wsim.kernels.position_based.stacks import MORE, SETTLED, support_func
 
@@ -170,29 +170,10 @@ def contact_kernel(real, module):
 
 
 @cache
-def cone_func(real):
-    """Function (L, n, mu) -> the nearest impulse that friction allows; 0 where L draws."""
-    t = types(real)
-
-    @wp.func
-    def cut_to_cone(L: t.vec3, n: t.vec3, mu: t.vec2):
-        lam = wp.dot(L, n)
-        if lam <= real(0.0):
-            return t.vec3()
-        T = L - lam * n
-        size = wp.length(T)
-        if size > mu[0] * lam:
-            return lam * n + (mu[1] * lam / size) * T
-        return L
-
-    return cut_to_cone
-
-
-@cache
 def warm_kernel(real, module):
     """Kernel over places: normals, gaps, and the impulses that the forces of the substep before give in this one; h [s]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
-    support, cut = support_func(real), cone_func(real)
+    support, solve = support_func(real), pair_impulse_func(real)
 
     def start_grain_contacts(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
                              support_before: S.GrainSupport, h: real, d_out: wp.array(dtype=t.vec3)):
@@ -217,7 +198,8 @@ def warm_kernel(real, module):
                 L = (h * h) * before.f[old * q.size + p]
                 if held == 1:
                     L *= real(1.0) / wp.max(g.held[k][1], real(1.0 / MORE))
-                L = cut(L, n, real(0.5) * (g.rub[k] + g.rub[other]))
+                mu = real(0.5) * (g.rub[k] + g.rub[other])
+                L = solve(n, real(0.0), L, t.vec3(), real(1.0), mu)      # cut to the cone of friction: nothing has moved
             q.n[slot] = n
             R = rows.reach[p] + rows.reach[o]
             gap = D - R
