@@ -74,11 +74,12 @@ class DensityConstraints(Method):
         self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
         for word in (NEAR_WORD, DENSE_WORD):
             b.status.reserve(word)
-        size = n * np.dtype(b.model.dtype).itemsize
+        size, drawn = n * np.dtype(b.model.dtype).itemsize, self.tension is not None
+        last = 1 + (self.flows or drawn) + self.flows + 2 * drawn
         self.stages += [Stage("fluid", "collide", self.begin, self.search.launch_count + 5, 60 * size,
                               what=f"{n} particles"),
                         Stage("densities", "solve", self.solve, 3, 300 * size, "iteration", f"of {n} particles"),
-                        Stage("pressures", "finish", self.keep, 1, 3 * size, what="for the next substep")]
+                        Stage("pressures", "finish", self.keep, last, 3 * size, what="for the next substep")]
 
     def _make_colliders(self, b: Build) -> Any:
         from wsim.physics.contact.collider.table import ColliderTable
@@ -129,7 +130,7 @@ class DensityConstraints(Method):
         self._run("push", [search.rows, search.cells, search.lists, table], [s.d])
 
     def keep(self, clock: Clock) -> None:
-        """Pressures, for the next substep, viscosity and surface tension."""
+        """Pressures, for the next substep; viscosity and surface tension."""
         s, search, table = self.state, self.search, self.table
         self._run("keep", [search.cells, table, clock.h], [self.status.word(DENSE_WORD)])
         if self.flows or self.tension is not None:

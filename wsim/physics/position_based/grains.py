@@ -98,7 +98,7 @@ class GrainContacts(Method):
         self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 6, 50 * size,
                               what=f"{n} grains"),
                         Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
-                        Stage("grain forces", "finish", self.keep, 2, 100 * size, what="for the next substep")]
+                        Stage("grain forces", "finish", self.keep, 1 + self.deep, 100 * size, what="for the next substep")]
 
     def _make_contacts(self, room: int) -> None:
         """Room for so many contacts of each grain, and for their forces; what was borne is forgotten."""
