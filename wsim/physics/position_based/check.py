@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import fields
-from math import ceil, sqrt
+from math import ceil, inf
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
         yield thing_error(path, f"colors of shape {thing.colors.shape}", f"(3,) or ({n}, 3)", "give one of all, or one each")
     yield from _check_material(thing)
     yield from _check_one_radius(thing, scene)
-    yield from _check_tension(thing, scene)
+    yield from _check_explicit_steps(thing, scene)
     yield from _check_solver(thing, scene)
 
 
@@ -76,7 +77,7 @@ def _check_pour(thing: Particles, scene: Scene) -> Iterator[Problem]:
         yield from _check_count(thing, scene)
         yield from check_free_places(thing, scene, poured_places(thing), DEEP * float(thing.radius[0]))
     yield from _check_one_radius(thing, scene)
-    yield from _check_tension(thing, scene)
+    yield from _check_explicit_steps(thing, scene)
     yield from _check_solver(thing, scene)
 
 
@@ -127,17 +128,19 @@ def _check_one_radius(thing: Particles, scene: Scene) -> Iterator[Problem]:
                           "one radius for all fluids of a scene", "fill both with particles of one radius")
 
 
-def _check_tension(thing: Particles, scene: Scene) -> Iterator[Problem]:
-    """A warning of more surface tension than substeps carry; it is cut to that."""
-    sigma = getattr(thing.material, "surface_tension", 0.0)
-    if not (isinstance(thing.material, ConstraintFluid) and len(thing.radius) and isinstance(sigma, float | int) and sigma > 0.0
-            and scene.fps > 0.0 and scene.substeps > 0 and thing.material.density > 0.0):
+def _check_explicit_steps(thing: Particles, scene: Scene) -> Iterator[Problem]:
+    """Warnings of more surface tension or viscosity than explicit substeps carry; it is cut to that."""
+    m: Any = thing.material
+    if not (isinstance(m, ConstraintFluid) and len(thing.radius) and isinstance(m.density, float | int)
+            and scene.fps > 0.0 and scene.substeps > 0):
         return
-    most = thing.material.tension_limit(float(thing.radius[0]), 1.0 / (scene.fps * scene.substeps))
-    if 0.0 < most < sigma:
-        yield object_warning(thing.path, f"surface_tension is {sigma:g} N/m, and acts as {most:.2g}",
-                             f"what {scene.substeps} substeps carry", f"give {ceil(scene.substeps * sqrt(sigma / most))} "
-                             "substeps, or larger particles")
+    limits = ("surface_tension", "N/m", m.tension_limit, 2), ("viscosity", "Pa s", m.viscosity_limit, 1)      # order in 1 / h
+    for name, unit, limit, order in limits:
+        value, most = getattr(m, name), limit(float(thing.radius[0]), 1.0 / (scene.fps * scene.substeps))
+        if isinstance(value, float | int) and 0.0 < most < value < inf:
+            fewest = ceil(scene.substeps * (value / most) ** (1.0 / order))
+            yield object_warning(thing.path, f"{name} is {value:g} {unit}, and acts as {most:.2g}",
+                                 f"what {scene.substeps} substeps carry", f"give {fewest} substeps, or larger particles")
 
 
 def _check_solver(thing: Particles, scene: Scene) -> Iterator[Problem]:

@@ -23,7 +23,6 @@ SKIN = 0.2                       # of the distance at rest: what a pair may come
 NEIGHBOURS = 56                  # entries of a list that there is room for at first; a lattice has 57 within its reach and skin
 OMEGA = 0.5                      # relaxation of the multipliers
 KEEP = 0.9                       # part of an error that a substep may leave
-STABLE = 0.1                     # h mu / rho over the square of the distance at rest, up to which an explicit step is taken
 NEAR_WORD, DENSE_WORD = "fluid: neighbours wanted", "fluid: density"
 FIELDS = (StateField("p", "Pa", True, "pressure", "scalar"),)
 
@@ -87,16 +86,17 @@ class DensityConstraints(Method):
 
     def _make_flow(self, b: Build) -> tuple[Any, bool]:
         """Viscosity over density [m^2/s] and smoothing [1] of each particle; whether there is some."""
-        most = STABLE * self.distance**2 / b.clock.dt * b.clock.substeps
+        h, radius = b.clock.h, 0.5 * self.distance
         materials: list[Any] = [body.source.material for body in self.bodies]          # type: ignore[attr-defined]
-        each = [(min(m.viscosity / m.density, most), m.smoothing) for m in materials]
+        each = [(min(m.viscosity, m.viscosity_limit(radius, h)) / m.density, m.smoothing) for m in materials]
         rows = np.repeat(np.array(each), [body.count for body in self.bodies], axis=0)
         return b.model.upload(rows.astype(b.model.dtype), types(b.model.real).vec2), bool(np.any(rows))
 
     def _make_tension(self, b: Build) -> Any:
         """Surface tension of each particle [N/m]; None: there is none."""
-        h, materials = b.clock.dt / b.clock.substeps, [body.source.material for body in self.bodies]  # type: ignore[attr-defined]
-        each = [min(m.surface_tension, m.tension_limit(0.5 * self.distance, h)) for m in materials]
+        h, radius = b.clock.h, 0.5 * self.distance
+        materials: list[Any] = [body.source.material for body in self.bodies]          # type: ignore[attr-defined]
+        each = [min(m.surface_tension, m.tension_limit(radius, h)) for m in materials]
         if not any(each):
             return None
         return b.model.upload(np.repeat(np.array(each), [body.count for body in self.bodies]), b.model.real)

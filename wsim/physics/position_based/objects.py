@@ -11,6 +11,7 @@ from wsim.scene.bodies import BodyGeometry, Deformable, demand_kind, real_array
 from wsim.scene.curve import Motion
 
 STABLE_TENSION = 0.02  # h^2 sigma / m, up to which a drop comes to rest
+STABLE_VISCOSITY = 0.1 # h mu / (rho (2 r)^2), up to which the explicit step of viscosity is taken
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class ConstraintFluid:
     def tension_limit(self, radius: float, h: float) -> float:
         """Surface tension [N/m] that explicit substeps of h [s] carry, of particles of a radius [m]."""
         return STABLE_TENSION * self.density * (2.0 * radius) ** 3 / h**2
+
+    def viscosity_limit(self, radius: float, h: float) -> float:
+        """Viscosity [Pa s] that explicit substeps of h [s] carry, of particles of a radius [m]."""
+        return STABLE_VISCOSITY * self.density * (2.0 * radius) ** 2 / h
 
 
 MATERIALS: dict[str, Any] = {"grains": Grains, "fluid": ConstraintFluid}
