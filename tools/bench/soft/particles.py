@@ -1,10 +1,12 @@
-"""Heaps of grains and tanks of fluid by constraints; python -m tools.bench.soft.particles heap|tank ...
+"""Heaps of grains, tanks and drops of fluid by constraints; python -m tools.bench.soft.particles heap|tank|drop ...
 
     heap RADIUS_OF_COLUMN FRAMES SUBSTEPS ITERATIONS      a column twice as high as wide collapses; mu = 0.5, grains of 8 mm
     tank PARTICLES_ACROSS FRAMES SUBSTEPS ITERATIONS      water at rest between walls of no friction, as deep as wide
+    drop RADIUS_OVER_DISTANCE SURFACE_TENSION SUBSTEPS ITERATIONS     without gravity, particles of 1 cm
 
 Columns: CPU time a frame, greatest speed, greatest overlap, steepest part of the slope; or mean height over that at the start,
-virial pressure over hydrostatic pressure, density error.
+virial pressure over hydrostatic pressure, density error; or virial pressure over 2 sigma / R, damping ratio, and frequency of a
+drop that was drawn out by 12 %, over Rayleigh's: omega^2 = 8 sigma / (rho R^3).
 """
 
 import sys
@@ -13,7 +15,8 @@ import time
 import numpy as np
 
 import wsim
-from wsim.kernels.position_based import density
+from wsim.kernels.position_based import density, tension
+from wsim.physics.position_based.objects import ConstraintFluid
 
 
 def heap(radius: float, frames: int, substeps: int, iterations: int) -> None:
@@ -71,16 +74,69 @@ def tank(across: int, frames: int, substeps: int, iterations: int) -> None:
             spent = 0.0
 
 
-def virial_pressures(method, x: np.ndarray) -> np.ndarray:
-    """Pressure at each particle [Pa], from the forces of its pairs."""
+def drop(size: float, sigma: float, substeps: int, iterations: int) -> None:
+    """Prints a line: 60 frames a period of the oscillation."""
+    d, start = 0.01, time.process_time()
+    x = np.stack(np.meshgrid(*[np.arange(-int(size) - 1, int(size) + 2) + 0.5] * 3, indexing="ij"), -1).reshape(-1, 3)
+    x = d * x[(x**2).sum(axis=1) < size**2]
+    R = d * (3.0 * len(x) / (4.0 * np.pi)) ** (1.0 / 3.0)
+    fps = 60.0 * np.sqrt(8.0 * sigma / (1000.0 * R**3)) / (2.0 * np.pi)
+
+    def make(places: np.ndarray, smoothing: float) -> wsim.Simulation:
+        scene = wsim.Scene(fps=fps, substeps=substeps, iterations=iterations, gravity=(0, 0, 0))
+        material = ConstraintFluid(viscosity=0.0, smoothing=smoothing, surface_tension=sigma)
+        scene.particles("/water", points=places, radius=0.5 * d, material=material)
+        return wsim.Simulation(scene, device="cpu")
+    simulation, found = make(x + np.random.default_rng(1).normal(0.0, 0.05 * d, x.shape), 0.1), []
+    simulation.run(80)
+    for _ in range(8):
+        simulation.run(4)
+        now = simulation.positions().astype(float)
+        method = next(m for m in simulation.plan.methods if m.name == "density")
+        inner = np.linalg.norm(now - now.mean(axis=0), axis=1) < R - 2.5 * d
+        found.append(virial_pressures(method, now, sigma)[inner].mean())
+    simulation = make(x, 0.1)
+    simulation.run(60)
+    rest = simulation.positions().astype(float)
+    simulation, drawn = make((rest - rest.mean(axis=0)) * 1.12 ** np.array([1.0, -0.5, -0.5]), 0.0), []
+    for _ in range(72):
+        drawn.append(np.var(simulation.positions().astype(float), axis=0) @ [1.0, -0.5, -0.5])
+        simulation.step()
+    omega, damping = fit_oscillation(np.array(drawn) / drawn[0])
+    print(f"{len(x)} particles, {substeps} x {iterations}  pressure {np.mean(found) * R / (2.0 * sigma):.3f}  frequency "
+          f"{omega:.3f}  damping {damping:.2f}  {time.process_time() - start:.0f} s", flush=True)
+
+
+def fit_oscillation(values: np.ndarray) -> tuple[float, float]:
+    """(omega over one that has 60 values a period, damping ratio) of a damped oscillation from rest."""
+    from scipy.optimize import curve_fit
+
+    def damped(t: np.ndarray, A: float, g: float, w: float, c: float) -> np.ndarray:
+        return A * np.exp(-g * t) * (np.cos(w * t) + g / w * np.sin(w * t)) + c
+    (_, g, w, _), _ = curve_fit(damped, np.arange(len(values)) / 60.0, values, p0=(values[0], 1.0, 2.0 * np.pi, 0.0))
+    return float(np.hypot(g, w)) / (2.0 * np.pi), float(g / np.hypot(g, w))
+
+
+def virial_pressures(method, x: np.ndarray, sigma: float = 0.0) -> np.ndarray:
+    """Pressure at each particle [Pa], from the forces of its pairs; sigma: surface tension [N/m]."""
     from scipy.spatial import cKDTree
-    p, H = method.part.arrays["p"].numpy()[method.part.rows["/water", 0]].astype(float), density.REACHED * method.distance
+    d, n = method.distance, len(x)
+    p, H = method.part.arrays["p"].numpy()[method.part.rows["/water", 0]].astype(float), density.REACHED * d
     i, j = cKDTree(x).query_pairs(H, output_type="ndarray").T
-    r = np.linalg.norm(x[i] - x[j], axis=1)
-    share = (p[i] + p[j]) * 45.0 / (8.0 * np.pi * density.LATTICE) * (1.0 - r / H) ** 2 / H * r / 6.0
-    return np.bincount(i, share, len(x)) + np.bincount(j, share, len(x))
+    way = x[i] - x[j]
+    r = np.linalg.norm(way, axis=1)
+    slope = -45.0 / (8.0 * np.pi * density.LATTICE) * (1.0 - r / H) ** 2 / H
+    virial = -(p[i] + p[j]) * slope * r
+    if sigma:
+        normal = H * np.stack([np.bincount(i, s, n) - np.bincount(j, s, n) for s in (way * (slope / r)[:, None]).T], axis=1)
+        a = 64.0 * (r / H * (1.0 - r / H)) ** 3
+        pulled = tension.COHESION * np.where(r > 0.5 * H, a, 2.0 * a - 1.0) * r
+        virial -= sigma / d**2 * (pulled + tension.EVEN * (way * (normal[i] - normal[j])).sum(axis=1))
+    return (np.bincount(i, virial, n) + np.bincount(j, virial, n)) / 6.0
 
 
 if __name__ == "__main__":
-    name, size, *counts = sys.argv[1:]
-    (heap if name == "heap" else tank)(float(size) if name == "heap" else int(size), *map(int, counts))  # type: ignore[operator]
+    name, *given = sys.argv[1:]
+    run, kinds = {"heap": (heap, (float, int, int, int)), "tank": (tank, (int, int, int, int)),
+                  "drop": (drop, (float, float, int, int))}[name]
+    run(*(kind(each) for kind, each in zip(kinds, given, strict=True)))
