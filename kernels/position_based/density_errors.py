@@ -2,7 +2,7 @@
 
 A push that takes all of an error at once is a velocity, and the fluid boils: of C, up to MOST_LEFT, the part `keep` may stay.
 What is more is corrected whole, since a deep fluid that begins without pressures would stay pressed together: 40 layers, 8
-substeps of 2 iterations, keep 0.99 of their height, and 0.935 where the part stays of any error.
+substeps of 2 iterations, keep 0.98 of their height, and 0.935 where the part stays of any error.
 """
 
 from functools import cache

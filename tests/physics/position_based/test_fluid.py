@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 import wsim
-from wsim.kernels.position_based import density
+from wsim.kernels.position_based import density, density_errors
 from wsim.physics.position_based.objects import ConstraintFluid
 from wsim.scene import Motion, Scene, SceneError
 
@@ -15,7 +15,7 @@ R = 0.01
 G = 9.81
 
 
-def tank(half=0.05, high=0.1, radius=R, **more):
+def tank(half=0.05, high=0.1, radius=R, tension=0.0, **more):
     """A box of fluid between four walls of no friction."""
     scene = Scene(**{"fps": 60, "substeps": 8, "iterations": 4} | more)
     slip = {"static_friction": 0.0, "dynamic_friction": 0.0}
@@ -26,7 +26,8 @@ def tank(half=0.05, high=0.1, radius=R, **more):
         M[:3, :3] = np.stack([x, np.cross(n, x), n], axis=1)
         M[:3, 3] = -half * np.array(n)
         scene.collider(f"/wall_{k}", wsim.Plane(), motion=Motion.still(M), **slip)
-    scene.particles("/water", wsim.Box((half, high / 2, half)), at=(0, high / 2, 0), radius=radius, material="fluid")
+    scene.particles("/water", wsim.Box((half, high / 2, half)), at=(0, high / 2, 0), radius=radius,
+                    material=ConstraintFluid(surface_tension=tension))
     return wsim.Simulation(scene, device="cpu")
 
 
@@ -87,17 +88,23 @@ def test_pressure_is_hydrostatic_and_the_volume_stays():
     assert not any("pressed together" in warning for warning in simulation.warnings)
 
 
-@pytest.mark.parametrize("substeps, iterations", [(2, 4), (4, 1)])
-def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(substeps, iterations):
-    """Eight layers of 1 cm. No particle is faster than one that falls from the surface to the floor; before, speeds went beyond
-    1e9 m/s. Density errors tell what few iterations leave."""
+@pytest.mark.parametrize("substeps, iterations, said", [(2, 4, "gained energy"), (4, 1, "pressed together")])
+def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(substeps, iterations, said):
+    """Eight layers of 1 cm. No particle is ever faster than one that falls from the surface to the floor; before, speeds went
+    beyond 1e9 m/s. Density errors tell what few iterations leave: no theory says how much, 0.024 and 0.021 were measured. The
+    first tank is nowhere 10 % too dense (0.08 at most), so that only its rebound is warned of; the second is, by 18 %."""
     simulation = tank(half=0.08, high=0.08, radius=0.005, substeps=substeps, iterations=iterations)
-    simulation.run(24)
-    x, v = simulation.positions(), simulation.velocities()
-    assert np.linalg.norm(v, axis=1).max() < np.sqrt(2.0 * G * 0.08)
+    fastest, densest = 0.0, 0.0
+    for _ in range(24):
+        simulation.step()
+        fastest = max(fastest, np.linalg.norm(simulation.velocities(), axis=1).max())
+        densest = max(densest, method(simulation).indicators(None, None)["most_density_error"])
+    x = simulation.positions()
+    assert fastest < np.sqrt(2.0 * G * 0.08)
+    assert (densest > density_errors.TOLD) == (said == "pressed together")
     assert np.abs(x[:, [0, 2]]).max() < 0.08 and x[:, 1].min() > 0.0 and x[:, 1].max() < 0.1
     assert 0.02 < method(simulation).indicators(None, None)["density_error"] < 0.2
-    assert any("pressed together" in warning or "gained energy" in warning for warning in simulation.warnings)
+    assert any(said in warning for warning in simulation.warnings)
 
 
 def test_forty_layers_keep_their_volume_by_two_iterations():
@@ -127,16 +134,29 @@ def test_the_nearest_walls_count_whatever_their_order():
 
 
 def test_fluid_in_one_place_comes_apart():
-    """Two particles in one place, and a hundred: they part, stay finite, keep their momentum, and a warning tells."""
+    """Two particles in one place, and a hundred: they part, stay finite, keep their momentum, and a warning tells.
+
+    Two are too thin to press: they part by PARTED in each of 5 pushes a substep, an oscillation about NEAREST d of omega^2 =
+    10 PARTED / h^2, so neither is faster than omega NEAREST d / 2. A hundred burst in the first iteration: n - 1 directions by
+    chance, where D = 2 (n - 1) W'^2, give each sqrt(n - 1) 2 lam W' = omega C / (sqrt(n - 1) W') in the mean square, 31.5 m/s
+    (5 % more for the scatter of D), and later iterations only take pressure back. 22 m/s were measured, 26 of the fastest.
+    """
+    h, d = 1.0 / 480.0, 2.0 * R
+    C, slope = 100 * 15 / (8 * np.pi * density.LATTICE) - 1, 45 / (8 * np.pi * density.LATTICE) / (density.REACHED * d)
+    most = {2: np.sqrt(10 * density.PARTED) / h * density.NEAREST * d / 2, 100: 1.05 * 0.5 * C / (np.sqrt(99) * slope) / h}
     for n in (2, 100):
         scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
         scene.particles("/water", points=np.tile([0.0, 0.1, 0.0], (n, 1)), radius=R, material="fluid")
         simulation = wsim.Simulation(scene, device="cpu", precision="float64")
-        simulation.run(30)
+        speeds = []
+        for _ in range(30):
+            simulation.step()
+            speeds.append(np.linalg.norm(simulation.velocities(), axis=1))
         x, v = simulation.positions(), simulation.velocities()
         near = np.linalg.norm(x[:, None] - x[None], axis=-1) + np.eye(n)
         assert np.isfinite(x).all() and near.min() > 0.1 * R
-        assert np.abs(v.sum(axis=0)).max() < 1e-9 * n and np.linalg.norm(v, axis=1).max() < 50.0
+        assert np.abs(v.sum(axis=0)).max() < 1e-9 * n and np.max(speeds) < 50.0
+        assert np.sqrt(np.mean(np.square(speeds), axis=1)).max() < most[n]
     assert any("pressed together" in warning for warning in simulation.warnings)
 
 
@@ -154,7 +174,8 @@ def test_momentum_stays_where_nothing_holds():
 
 
 def test_viscosity_evens_out_shear_as_fast_as_diffusion_does():
-    """A wave of shear cos(k y) decays as exp(-nu k^2 t), in a block so deep that its ends matter little."""
+    """A wave of shear cos(k y) decays as exp(-nu k^2 t), in a block so deep that its ends matter little. The sum over a cubic
+    lattice is 1.005 of nu k^2 for this wave; 1.006 was measured."""
     n, nu = 12, 2e-3
     k3 = np.stack(np.meshgrid(np.arange(n), np.arange(24), np.arange(n), indexing="ij"), -1).reshape(-1, 3)
     x, wave = k3 * 2 * R, 2 * np.pi / (12 * 2 * R)
@@ -166,11 +187,36 @@ def test_viscosity_evens_out_shear_as_fast_as_diffusion_does():
     simulation.run(8)
     inner = (np.abs(k3[:, 1] - 11.5) < 6.5) & (np.abs(k3[:, [0, 2]] - 5.5) < 3).all(axis=1)
     now = simulation.velocities()[inner, 0] @ v[inner, 0] / (v[inner, 0] @ v[inner, 0])
-    assert abs(np.log(now) / (-nu * wave**2 * 8 / 240) - 1) < 0.25
+    assert abs(np.log(now) / (-nu * wave**2 * 8 / 240) - 1) < 0.01
 
 
-def test_two_runs_and_a_restart_have_the_same_bits():
-    first = tank(high=0.08)
+def test_more_viscosity_than_substeps_carry_is_said_and_cut():
+    """The step of Morris, Fox, Zhu is explicit: h mu / (rho d^2) up to 0.1, here 19.2 Pa s; no pair then moves apart."""
+    scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
+    x = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), -1).reshape(-1, 3) * 2.0 * R
+    v = np.random.default_rng(0).normal(0.0, 0.01, x.shape)
+    scene.particles("/honey", points=x, radius=R, velocities=v, material=ConstraintFluid(viscosity=100.0, smoothing=0.0))
+    simulation = wsim.Simulation(scene, device="cpu")
+    assert any("/honey: viscosity is 100 Pa s, and acts as 19" in w and "give 42 substeps" in w for w in simulation.warnings)
+    simulation.run(4)
+    assert np.linalg.norm(simulation.velocities() - v.mean(axis=0), axis=1).max() < np.linalg.norm(v, axis=1).max()
+
+
+@pytest.mark.parametrize("more", [{}, {"viscosity": 0.0, "smoothing": 0.0}, {"surface_tension": 0.1}])
+def test_stages_say_how_many_launches_they_make(more):
+    scene = Scene(fps=60, substeps=2, iterations=2)
+    scene.particles("/water", points=[[0.0, 0.0, 0.0]], radius=R, material=ConstraintFluid(**more))
+    simulation, made = wsim.Simulation(scene, device="cpu"), []
+    method(simulation).launches.launch = lambda *given: made.append(given)
+    for stage in method(simulation).stages:
+        made.clear()
+        stage.launch(simulation.plan.clock)
+        assert len(made) == stage.launches, stage.name
+
+
+@pytest.mark.parametrize("tension", [0.0, 0.3])
+def test_two_runs_and_a_restart_have_the_same_bits(tension):
+    first = tank(high=0.08, tension=tension)
     second, third = (wsim.Simulation(replace(first.scene), device="cpu") for _ in range(2))
     first.run(12)
     second.run(6)

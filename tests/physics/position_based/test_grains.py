@@ -76,11 +76,13 @@ def test_thirty_layers_rest_without_overlaps_by_few_iterations(substeps, iterati
     assert x[:, 1].max() > 0.85 * 2 * r * n and np.sqrt((v**2).mean()) < 0.02
 
 
-def test_a_pile_that_is_pushed_and_squeezed_throws_nothing():
-    """A box at 0.4 m/s pushes a pile against a wall: no grain is faster than a few times that. Loads that took blows for weight
-    threw some at 300 m/s."""
+@pytest.mark.parametrize(("substeps", "iterations", "deep"), [(16, 4, False), (8, 2, True)])
+def test_a_pile_that_is_pushed_and_squeezed_throws_nothing(substeps, iterations, deep):
+    """A box at 0.4 m/s pushes a pile against a wall, whether grains carry others or not. No bound follows from theory: the box
+    does any work, and a wedge of grains multiplies speeds. Measured: 2.5 and 1.4 m/s. Loads that took blows for weight threw
+    some at 300 m/s."""
     r, speed = 0.005, 0.4
-    scene = Scene(fps=60, substeps=16, iterations=4)
+    scene = Scene(fps=60, substeps=substeps, iterations=iterations)
     scene.collider("/floor", wsim.Plane())
     wall = np.array([[0, 0, -1, 0.075], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]], float)
     scene.collider("/wall", wsim.Plane(), motion=wsim.Motion.still(wall))
@@ -91,6 +93,7 @@ def test_a_pile_that_is_pushed_and_squeezed_throws_nothing():
     points = cube(10, r)[:, [0, 1, 2]] * [1.05, 1.0, 1.05] + [-0.035, 0.0, -0.047]
     scene.particles("/grains", points=points, radius=r)
     simulation, fastest = wsim.Simulation(scene, device="cpu"), 0.0
+    assert grain_method(simulation).deep == deep
     for _ in range(20):
         simulation.run(1)
         fastest = max(fastest, np.linalg.norm(simulation.velocities(), axis=1).max())
@@ -121,21 +124,24 @@ def test_a_pile_comes_to_rest_and_does_not_creep():
     x = simulation.positions().copy()
     assert np.abs(simulation.velocities()).max() < 1e-3
     simulation.run(60)
-    assert np.abs(simulation.positions() - x).max() < 1e-4 * 0.004 / 0.004
+    assert np.abs(simulation.positions() - x).max() < 1e-4
     near = np.linalg.norm(x[:, None] - x[None], axis=-1) + np.eye(len(x))
     assert near.min() > 2 * 0.004 * (1 - 5e-3) and x[:, 1].min() > 0.004 * (1 - 1e-3)
 
 
 @pytest.mark.parametrize(("beyond", "moves"), [(-1.0, False), (1.0, True)])
 def test_a_block_on_a_tilted_plate_slips_at_the_angle_of_friction(beyond, moves):
-    """A degree below atan(mu) it stays; a degree above it slides, as fast as the closed form says."""
+    """A degree below atan(mu) it stays; a degree above it gains speed as the closed form says, once it has come to lie."""
     mu, r = 0.4, 0.005
     a = np.arctan(mu) + np.radians(beyond)
     simulation = grains_on_floor(cube(3, r), r, mu, gravity=(G * np.sin(a), -G * np.cos(a), 0))
-    simulation.run(60)
+    simulation.run(20)
+    before = simulation.velocities()[:, 0].mean()
+    simulation.run(40)
     speed = simulation.velocities()[:, 0].mean()
     if moves:
-        assert 0.5 < speed / (G * (np.sin(a) - mu * np.cos(a))) < 1.5
+        gained = (speed - before) / (G * (np.sin(a) - mu * np.cos(a)) * 40 / 60)
+        assert abs(gained - 1.0) < 1e-3
     else:
         assert abs(speed) < 1e-3
 
