@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from wsim.cli import main
 from wsim.physics.rigid.mass import body_inertia
 from wsim.usd import load
+from wsim.usd.new.robot.converter import failure_reason
 
 CONVERTER = """#!{python}
 import sys
@@ -25,7 +26,7 @@ stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/robot").GetPrim())
 UsdPhysics.Scene.Define(stage, "/robot/scene")
 rail = UsdGeom.Cube.Define(stage, "/robot/rail")
 UsdPhysics.CollisionAPI.Apply(rail.GetPrim())
-for k in range(3):
+for k in range(0 if "empty" in file else 3):
     body = UsdGeom.Cube.Define(stage, "/robot" + "/link" * (k + 1))
     body.CreateSizeAttr(1.0)
     body.AddTranslateOp().Set((0.0, 0.0, 5.0 if k == 0 else 0.25))
@@ -85,8 +86,24 @@ def test_what_a_converter_refuses_is_told_and_leaves_nothing(converter, tmp_path
     assert main(["new", "robot", "bad.urdf", "-o", "b.usda"]) == 1
     assert "bad.urdf: urdf_usd_converter refuses it: line 3: no such element" in capsys.readouterr().err
     assert not (tmp_path / "b.usda").exists() and not (tmp_path / "b_robot").exists()
+    (tmp_path / "empty.urdf").write_text("<robot/>")
+    assert main(["new", "robot", "empty.urdf", "-o", "b.usda"]) == 1
+    assert "empty.urdf: has no body; allowed: at least one that moves; fix: " in capsys.readouterr().err
+    assert not (tmp_path / "b.usda").exists() and not (tmp_path / "b_robot").exists()
     assert main(["new", "robot", "a.obj", "-o", "b.usda"]) == 1
     assert "ends in '.obj'; allowed is .urdf, or .xml of MuJoCo" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("said", "reason"), [
+    (["Traceback (most recent call last):", "ValueError: Error: range[0] should be smaller than range[1] in joint",
+      "Element name 'j', id 0, line 1"],
+     "Error: range[0] should be smaller than range[1] in joint Element name 'j', id 0, line 1"),
+    (["[Warning] [a.b] Conversion failed:", "Error in 'a.b' at line 56 in file /x/mesh.py : 'Python runtime error: Mesh m file "
+      "gone.stl does not exist'"], "Mesh m file gone.stl does not exist"),
+    (["[Warning] [a.b] Conversion failed: XML Error: Unrecognized XML model type: 'html'"],
+     "XML Error: Unrecognized XML model type: 'html'"), ([], "no reason")])
+def test_reasons_are_those_of_the_last_error(said, reason):
+    assert failure_reason(said) == reason
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the converter of this test is a script that Windows does not start")

@@ -86,7 +86,9 @@ def test_a_link_without_mass_is_part_of_the_link_that_it_is_fixed_to(tmp_path):
 
 @pytest.mark.parametrize(("text", "said"), [
     ("<robot", "is no XML"), ('<robot><link name="a"><inertial><mass value="two"/></inertial></link></robot>',
-                              "value of <mass> is 'two'; allowed: a number"),
+                              "value of <mass> is 'two'; allowed: a finite number"),
+    ('<robot><link name="a"><inertial><mass value="1"/><inertia ixx="nan"/></inertial></link></robot>',
+     "ixx of <inertia> is 'nan'; allowed: a finite number"),
     (f"<robot>{SIMPLE.format(name='t', joint='elbow', interface='Effort', reduction='fifty')}</robot>",
      "mechanicalReduction of transmission t is")])
 def test_bad_files_get_a_line(tmp_path, text, said):

@@ -5,19 +5,21 @@ files transmissions and links without mass (urdf.py).
 """
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from wsim.scene import Problem, SceneError
+from wsim.usd import names
 from wsim.usd.load import read_stage
 from wsim.usd.new.mesh import relative_asset_path
 from wsim.usd.new.place import author_ground
 from wsim.usd.new.robot.converter import PACKAGES, convert_robot, find_converter
 from wsim.usd.new.robot.mujoco_model import author_mujoco_model, read_mujoco_model
-from wsim.usd.new.robot.urdf import author_urdf, read_urdf
-from wsim.usd.stage import SUFFIXES, StageUnits, collect_warnings, open_stage
+from wsim.usd.new.robot.urdf import UrdfRobot, author_urdf, read_urdf
+from wsim.usd.stage import SUFFIXES, StageUnits, applied_schemas, collect_warnings, open_stage
 from wsim.usd.write import author_units, new_stage
 
 FRAMES = 96
@@ -42,17 +44,33 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
         raise SceneError(Problem(str(target), f"is no place for a scene; allowed: {', '.join(SUFFIXES)} in an existing folder"))
     tool = find_converter(package)
     folder = target.with_name(f"{target.stem}_robot")
+    replaced = folder.exists()
     notes: list[Problem] = []
-    model = read_urdf(file) if package.startswith("urdf") else None
-    robot = convert_robot(tool, file, folder, notes)
-    compiled = read_mujoco_model(tool, file, notes) if package.startswith("mujoco") else None
+    try:
+        model = read_urdf(file) if package.startswith("urdf") else None
+        robot = convert_robot(tool, file, folder, notes)
+        compiled = read_mujoco_model(tool, file, notes) if package.startswith("mujoco") else None
+        _author_scene(file, target, robot, compiled, model, notes, ground, frames or FRAMES)
+    except SceneError as error:
+        if not replaced:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise SceneError([*error.problems, *notes]) from None           # a warning may say why
+    return notes
+
+
+def _author_scene(file: str, target: Path, robot: Path, compiled: dict | None, model: UrdfRobot | None, notes: list[Problem],
+                  ground: float | None, frames: int) -> None:
+    """The scene over a converted robot, with what MuJoCo's compiled model or the URDF file says."""
     with collect_warnings([]), new_stage(target) as stage:
         source = open_stage(robot)
+        if not any(names.RIGID_BODY in applied_schemas(prim) for prim in source.Traverse()):
+            raise SceneError(Problem(file, "has no body; allowed: at least one that moves; fix: give it bodies, or links with "
+                                     "a mass"))
         stage.GetRootLayer().subLayerPaths.append(relative_asset_path(str(robot), target))
         stage.GetRootLayer().documentation = f"the robot of {os.path.basename(file)}"
         units = StageUnits(UsdGeom.GetStageMetersPerUnit(source), UsdPhysics.GetStageKilogramsPerUnit(source),
                            str(UsdGeom.GetStageUpAxis(source)))
-        author_units(stage, units, frames or FRAMES)
+        author_units(stage, units, frames)
         stage.SetDefaultPrim(stage.GetPrimAtPath(source.GetDefaultPrim().GetPath()))
         if compiled is not None:
             author_mujoco_model(stage, file, compiled, units, notes)
@@ -63,6 +81,3 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
             box = cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange()
             author_ground(stage, units, np.array([box.GetMin(), box.GetMax()]) * units.metres, ground, notes)
         notes += [note for note in read_stage(stage).notes if note not in notes]
-    return notes
-
-

@@ -16,6 +16,7 @@ from wsim.scene import Problem, SceneError
 PACKAGES = {".xml": "mujoco-usd-converter", ".urdf": "urdf-usd-converter"}
 MADE = "wsim_robot.txt"         # says that a folder is one of these, which may be replaced
 WARNING = re.compile(r"\[Warning\] \[[\w.]+\] (.*)")
+ERROR = re.compile(r"^.*(?:Conversion failed: |Python runtime error: |\bValueError: )")
 QUIET = ("texture", "material", "cameras", "lights", "display", "sensors")       # of looks, not of motion
 
 
@@ -30,13 +31,20 @@ def find_converter(package: str) -> Path:
     return Path(found)
 
 
-def run_converter(command: list, file: str) -> list[str]:
-    """Lines that a command says. Raises SceneError with the last words of one that fails."""
+def failure_reason(said: list[str]) -> str:
+    """Why a program failed, in a line: what it says from its last error on, without the names of its own modules."""
+    first = max((k for k, line in enumerate(said) if ERROR.search(line)), default=len(said) - 1)
+    text = ERROR.sub("", " ".join(said[max(first, 0):])).strip()
+    return (text.removesuffix("'") if text.count("'") % 2 else text)[:200] or "no reason"
+
+
+def run_converter(command: list, file: str, program: str) -> list[str]:
+    """Lines that a program says. Raises SceneError with the reason of one that fails."""
     clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONHOME", "PXR_PLUGINPATH_NAME")}
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, env=clean, check=False)
     said = [line.strip() for line in (done.stdout + "\n" + done.stderr).splitlines() if line.strip()]
     if done.returncode:
-        raise SceneError(Problem(file, f"{Path(str(command[0])).name} refuses it: {(said or ['no reason'])[-1][:200]}"))
+        raise SceneError(Problem(file, f"{program} refuses it: {failure_reason(said)}"))
     return said
 
 
@@ -46,7 +54,7 @@ def convert_robot(tool: Path, file: str, folder: Path, notes: list[Problem]) -> 
         raise SceneError(Problem(str(folder), "is there already, and not by this command; the converted robot goes here: "
                                  "move it away, or choose another name for the scene"))
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
-        said = run_converter([tool, "--no-layer-structure", file, made], file)
+        said = run_converter([tool, "--no-layer-structure", file, made], file, tool.name)
         results = sorted(Path(made).glob("*.usd*"))
         if len(results) != 1:
             raise SceneError(Problem(file, f"{tool.name} made {len(results)} USD files of it; expected: one"))

@@ -40,7 +40,7 @@ def read_mujoco_model(tool: Path, file: str, notes: list[Problem]) -> dict[str, 
     with tempfile.TemporaryDirectory() as place:
         result = Path(place) / "model.json"
         try:
-            run_converter([python, "-c", MODEL, file, result], file)
+            run_converter([python, "-c", MODEL, file, result], file, "MuJoCo")
         except SceneError as error:
             notes += [Problem(p.path, f"{p.text}; masses and collision masks are those of the converter", False)
                       for p in error.problems]

@@ -7,7 +7,7 @@ that are not positive, such as those of links that are points, become those of a
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, isfinite, nan
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdPhysics
@@ -36,17 +36,17 @@ class UrdfRobot:
 
 
 def read_urdf(file: str) -> UrdfRobot:
-    """Raises SceneError where a file is no XML, or a number in it is none."""
+    """Raises SceneError where a file is no XML, or a number in it is not finite."""
     try:
         root = ElementTree.parse(file).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise SceneError(Problem(file, f"is no XML: {error}; fix: expand xacro files, and mend that line")) from None
+        raise SceneError(Problem(file, f"is no XML: {error}; fix: expand xacro files, and correct that line")) from None
     found = UrdfRobot()
     for link in root.iter("link"):
         _read_link(file, link, found)
     for joint in root.iter("joint"):
         limit = joint.find("limit")
-        if limit is not None and (effort := _number(file, limit, "effort", 0.0)) > 0.0:
+        if limit is not None and limit.get("effort") != "inf" and (effort := _number(file, limit, "effort", 0.0)) > 0.0:
             found.effort[joint.get("name", "")] = effort
     for each in root.iter("transmission"):
         _read_transmission(file, each, found)
@@ -75,18 +75,22 @@ def _read_transmission(file: str, each: ElementTree.Element, found: UrdfRobot) -
         return
     text = next((r.text for r in each.iter("mechanicalReduction") if r.text), "1")
     interface = next((i.text or "" for i in each.iter("hardwareInterface")), "Effort")
-    try:
-        found.transmissions.append((name, joints[0], float(text), interface))
-    except ValueError:
-        raise SceneError(Problem(file, f"mechanicalReduction of transmission {name} is {text!r}; allowed: a number")) from None
+    found.transmissions.append((name, joints[0], _finite(file, f"mechanicalReduction of transmission {name}", text), interface))
 
 
 def _number(file: str, element: ElementTree.Element, name: str, fallback: float) -> float:
     text = element.get(name)
+    return fallback if text is None else _finite(file, f"{name} of <{element.tag}>", text)
+
+
+def _finite(file: str, what: str, text: str) -> float:
     try:
-        return fallback if text is None else float(text)
+        value = float(text)
     except ValueError:
-        raise SceneError(Problem(file, f"{name} of <{element.tag}> is {text!r}; allowed: a number")) from None
+        value = nan
+    if not isfinite(value):
+        raise SceneError(Problem(file, f"{what} is {text!r}; allowed: a finite number; fix: write one, or expand xacro files"))
+    return value
 
 
 def author_urdf(stage: Usd.Stage, file: str, robot: UrdfRobot, units: StageUnits, notes: list[Problem]) -> None:
