@@ -135,6 +135,18 @@ def test_a_plane_faces_its_axis(axis, normal):
     assert np.array_equal(wall.motion.at(0.0)[:3, 2], normal) and np.array_equal(wall.motion.at(0.0)[:3, 3], (1.0, 2.0, 3.0))
 
 
+@pytest.mark.parametrize(("axis", "up"), [(None, "Y"), (None, "Z"), ("X", "Y")])
+def test_a_plane_of_a_source_or_sink_faces_where_that_of_a_collider_does(axis, up):
+    """A drain under all, or a liquid up to a height, took the half space of its own z, whatever was up."""
+    scene, at = wsim.Scene(up=up), (1.0, 2.0, 3.0)
+    floor = scene.collider("/floor", wsim.Plane(axis), at=at)
+    air, tank = (make("/box", (0, 0, 0), (1, 1, 1), cell=0.5) for make in (scene.smoke, scene.liquid))
+    for thing in (scene.sink("/drain", wsim.Plane(axis), at=at), scene.smoke_source("/fire", air, wsim.Plane(axis), at=at),
+                  scene.liquid_source("/tap", tank, wsim.Plane(axis), at=at)):
+        assert thing.shape == wsim.Plane() and np.array_equal(thing.motion.at(0.0), floor.motion.at(0.0))
+    assert np.array_equal(floor.motion.at(0.0)[:3, 2], np.eye(3)["XYZ".index(axis or up)])
+
+
 def test_an_axis_that_is_none_is_refused():
     with pytest.raises(ValueError, match="axis is 'y'; allowed is 'X', 'Y', 'Z'"):
         wsim.Plane("y")

@@ -227,8 +227,10 @@ class Scene(ArrayDataclass):
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 
-    def mpm_sink(self, path: str, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
-        """Adds a shape that takes particles of `mpm` and `particles` away, at a place `at` (3,) [m] or with motion=...."""
+    def sink(self, path: str, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
+        """Adds a shape that takes particles of `particles` and `mpm` away, at a place `at` (3,) [m] or with motion=...; a
+        `Plane()` takes what is below it. That of a liquid is `liquid_source(role="sink")`."""
+        shape = shape if "motion" in more else solids.upright_plane(shape, self.up)
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("MaterialSink", "objects").MaterialSink(path, shape, **more))
 

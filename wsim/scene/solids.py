@@ -1,6 +1,5 @@
 """Colliders of a scene, and their shapes: a dataclass each. A table has a row (`ShapeRow`) for each convex shape: its signed
 distance on device and host, its bounding ball, its curvature, its USD types, how it takes a scale, and its triangles.
-
 Lengths in [m]; round shapes lie along their own z, the origin in the middle. NumPy only.
 """
 
@@ -121,6 +120,14 @@ def upright_plane(shape: Shape, up: str) -> Shape:
     return Plane(up) if isinstance(shape, Plane) and shape.axis is None and up in TURN else shape
 
 
+def turn_plane(shape: Any, motion: Motion) -> tuple[Any, Motion]:
+    """A plane with an axis as one of axis Z, and its motion with the frame that turns with it; any other shape as it is."""
+    if not isinstance(shape, Plane) or shape.axis is None:
+        return shape, motion
+    from wsim.scene.curve import then
+    return Plane(), motion if shape.axis == "Z" else then(motion, np.eye(4)[:, [*TURN[shape.axis], 3]])
+
+
 @dataclass(eq=False)
 class Collider(ArrayDataclass):
     """A solid that pushes and is not pushed, as in `scene.collider("/floor", Plane(), dynamic_friction=0.2)`.
@@ -150,12 +157,7 @@ class Collider(ArrayDataclass):
     solimp: tuple[float, ...] = (0.9, 0.95, 0.001, 0.5, 2.0)
 
     def __post_init__(self):
-        if isinstance(self.shape, Plane) and self.shape.axis is not None:
-            turn = np.eye(4)[:, [*TURN[self.shape.axis], 3]]
-            self.shape = Plane()
-            if not np.array_equal(turn, np.eye(4)):
-                from wsim.scene.curve import then
-                self.motion = then(self.motion, turn)
+        self.shape, self.motion = turn_plane(self.shape, self.motion)
 
 
 @dataclass(frozen=True)
@@ -212,8 +214,8 @@ def shape_row(shape: Any) -> ShapeRow:
     """Row of a shape. Raises KeyError where there is none."""
     found = next((each for each in SOLIDS if each.shape is type(shape)), None)
     if found is None:
-        known = ", ".join(each.shape.__name__ for each in SOLIDS)
-        raise KeyError(f"no shape of colliders is a {type(shape).__name__}; there are {known} and Surface")
+        raise KeyError(f"no shape of colliders is a {type(shape).__name__}; there are "
+                       f"{', '.join(each.shape.__name__ for each in SOLIDS)} and Surface")
     return found
 
 
@@ -263,14 +265,13 @@ def _cylinder_distance(c: Cylinder, q: np.ndarray) -> np.ndarray:
 
 
 ROUND, ENDS = ("radius", "height"), ("radiusBottom", "radiusTop", "height")
-
 SOLIDS: list[ShapeRow] = [
     ShapeRow("plane", Plane, ball=lambda p: inf, curvature=lambda p: inf, distance=lambda p, q: q[:, 2],
              usd={"Plane": ()}, written=("Plane",), read=lambda: (), scaled=lambda p, scale: Plane(),
              outline=lambda p, sides: primitives.plate_outline(FLOOR, FLOOR), write=lambda p: {"width": FLOOR, "length": FLOOR},
-             given=lambda p: ()), ShapeRow("sphere", Sphere, ball=lambda s: float(s.radius), curvature=lambda s: s.radius,
+             given=lambda p: ()),
+    ShapeRow("sphere", Sphere, ball=lambda s: float(s.radius), curvature=lambda s: s.radius, read=lambda r: (r,),
              distance=lambda s, q: np.linalg.norm(q, axis=1) - s.radius, usd={"Sphere": ("radius",)}, written=("Sphere",),
-             read=lambda r: (r,),
              scaled=lambda p, scale: Sphere(float(p[0] * abs(scale[0]))) if is_uniform_scale(scale, (1, 2)) else None,
              outline=lambda p, sides: primitives.sphere_outline(p[0], sides), write=lambda s: {"radius": s.radius},
              given=lambda s: (s.radius,)),
@@ -290,9 +291,8 @@ SOLIDS: list[ShapeRow] = [
              read=lambda *lengths: _tapered_dimensions(lengths), scaled=_round_shape_scaler(Cylinder, (1,)),
              outline=lambda p, sides: primitives.cylinder_outline(p[0], p[1], p[2], sides), write=_radius_and_height,
              given=lambda c: (c.radius, c.radius, c.half_height)),
-    ShapeRow("cone", Cone, ball=lambda c: hypot(c.radius, c.half_height), distance=_cone_distance, usd={"Cone": ROUND},
-             written=("Cone",),
-             curvature=lambda c: 0.5 * c.radius * hypot(c.radius, 2.0 * c.half_height) / (2.0 * c.half_height),
+    ShapeRow("cone", Cone, ball=lambda c: hypot(c.radius, c.half_height), distance=_cone_distance, written=("Cone",),
+             usd={"Cone": ROUND}, curvature=lambda c: 0.25 * c.radius * hypot(c.radius, 2.0 * c.half_height) / c.half_height,
              read=lambda radius, height: (radius, 0.0, height / 2.0),
              scaled=lambda p, scale: (Cone(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
                                       if is_uniform_scale(scale, (1,)) and scale[2] > 0 else None),

@@ -91,7 +91,7 @@ def test_poured_less_taken_is_there(material):
     scene.collider("/floor", wsim.Plane())
     pour(scene, material, rate=0.1)
     scene.particles("/still", points=[(0.5, RADIUS, 0), (0.5, RADIUS, 0.1)], radius=RADIUS, material=material)
-    scene.mpm_sink("/drain", wsim.Box((0.2, 0.02, 0.2)), at=(0, 0.1, 0))
+    scene.sink("/drain", wsim.Box((0.2, 0.02, 0.2)), at=(0, 0.1, 0))
     simulation = wsim.Simulation(scene, device="cpu")
     for _ in range(40):
         simulation.step()
@@ -120,7 +120,7 @@ def test_two_runs_and_one_that_goes_on_have_the_same_bits():
         scene.collider("/floor", wsim.Plane(), static_friction=0.5, dynamic_friction=0.5)
         pour(scene, rate=0.2)
         pour(scene, "fluid", "/water", at=(0.1, 0.2, 0), rate=0.1)
-        scene.mpm_sink("/drain", wsim.Box((0.01, 0.02, 0.05)), at=(0.02, 0.02, 0))
+        scene.sink("/drain", wsim.Box((0.01, 0.02, 0.05)), at=(0.02, 0.02, 0))
         return scene
     whole, other = run(make()), run(make(), 12)
     again = wsim.Simulation(make(), device="cpu")
@@ -160,7 +160,7 @@ def test_results_hold_what_is_there_with_its_ids(tmp_path):
     scene.collider("/floor", wsim.Plane())
     pour(scene, rate=0.1)
     scene.particles("/heap", points=[(0, 0.01, 0), (0.3, 0.005, 0)], radius=RADIUS)
-    scene.mpm_sink("/drain", wsim.Box((0.1, 0.02, 0.1)))
+    scene.sink("/drain", wsim.Box((0.1, 0.02, 0.1)))
     wsim.save(scene, tmp_path / "scene.usda")
     loaded = wsim.load(tmp_path / "scene.usda", frames=20)
     assert loaded.things("Particles")[0].pour == Pour(rate=0.1) and not loaded.notes
@@ -276,7 +276,7 @@ def Sphere "P" (prepend apiSchemas = ["WsimParticlesAPI", "PhysicsCollisionAPI"]
 def test_a_sink_where_nothing_can_vanish_is_warned_of():
     scene = make_scene(2)
     scene.cloth("/cloth", [(0, 0, 0), (1, 0, 0), (0, 0, 1)], [3], [0, 1, 2])
-    scene.mpm_sink("/drain", wsim.Box((0.1, 0.1, 0.1)))
+    scene.sink("/drain", wsim.Box((0.1, 0.1, 0.1)))
     assert any("there are no particles" in str(problem) for problem in check_scene(scene))
 
 

@@ -12,7 +12,7 @@ from wsim.physics.contact.collider.point_cloud import PointCloud
 from wsim.physics.rigid.objects import vector3_or_none
 from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.solids import Shape
+from wsim.scene.solids import Shape, turn_plane
 
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")               # in the order of `Fluid.sides` and `Fluid.side_velocities`
 KINDS = ("open", "closed", "periodic", "wind")
@@ -170,6 +170,7 @@ class Source(ArrayDataclass):
     strength: Curve = 1.0  # type: ignore[assignment]  # a number becomes a curve below
 
     def __post_init__(self):
+        self.shape, self.motion = turn_plane(self.shape, self.motion)
         self.velocity = vector3_or_none(self.velocity)
         if not isinstance(self.strength, Curve):
             self.strength = Curve(np.zeros(1), np.array([self.strength], np.float64))

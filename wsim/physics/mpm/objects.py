@@ -11,7 +11,7 @@ from wsim.scene.attachments import Pin
 from wsim.scene.bodies import ArrayDataclass, PointObject, demand_kind
 from wsim.scene.curve import Motion
 from wsim.scene.methods import method_file
-from wsim.scene.solids import shape_row
+from wsim.scene.solids import shape_row, turn_plane
 
 ACROSS = 2                 # particles of a full cell along each axis
 CONES = ("shear", "triaxial")
@@ -142,16 +142,20 @@ def named_material(material: Any) -> Any:
 
 @dataclass(eq=False)
 class MaterialSink(ArrayDataclass):
-    """A shape that takes particles away, as in `scene.mpm_sink("/drain", Box((0.2, 0.1, 0.2)), at=(0, -1, 0))`.
+    """A shape that takes particles of `MaterialPoints`, and grains and fluids of `Particles`, away where their centres come
+    into it, as in `scene.sink("/drain", Box((0.2, 0.1, 0.2)), at=(0, -1, 0))`.
 
     path     prim path
-    shape    as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface
+    shape    as of a collider: Sphere, Box, Capsule, Cylinder, Cone, a closed Surface, or a Plane, which takes what is below it
     motion   own frame to world over time, rigid, lengths [m]
     """
 
     path: str
     shape: Any
     motion: Motion = field(default_factory=Motion.still)
+
+    def __post_init__(self):
+        self.shape, self.motion = turn_plane(self.shape, self.motion)
 
 
 @dataclass(eq=False)

@@ -83,8 +83,8 @@ def test_a_sink_takes_what_comes_and_nothing_is_lost():
     scene = make_scene()
     pour(scene, end=0.08)
     scene.mpm("/rest", wsim.Box((0.1, 0.1, 0.1)), at=(0, 1, 0), cell=CELL, material=SOFT)
-    scene.mpm_sink("/drain", wsim.Box((0.03, 0.3, 0.3)), at=(0.3, 0, 0))
-    scene.mpm_sink("/none", wsim.Sphere(0.1), at=(0, -3, 0))
+    scene.sink("/drain", wsim.Box((0.03, 0.3, 0.3)), at=(0.3, 0, 0))
+    scene.sink("/none", wsim.Sphere(0.1), at=(0, -3, 0))
     simulation = run(scene, 12)
     m = find_method(simulation)
     said = m.indicators(None, None)
@@ -101,7 +101,7 @@ def test_a_sink_takes_what_comes_and_nothing_is_lost():
 def test_ids_stay_with_particles():
     scene = make_scene()
     pour(scene, end=0.2, rate=30.0)
-    scene.mpm_sink("/drain", wsim.Box((0.03, 0.3, 0.3)), at=(0.35, 0, 0))
+    scene.sink("/drain", wsim.Box((0.03, 0.3, 0.3)), at=(0.35, 0, 0))
     simulation = wsim.Simulation(scene, device="cpu")
     before = None
     for _ in range(12):

@@ -20,7 +20,7 @@ def make_scene(pours: bool) -> wsim.Scene:
     if pours:
         scene.mpm("/stream", wsim.Box((0.1, 0.05, 0.1)), at=(-0.3, 0.9, 0.0), cell=0.05, material=Granular(young=2e4),
                   velocity=(0.0, -2.0, 0.0), pour=Pour(rate=20.0))
-        scene.mpm_sink("/drain", wsim.Box((0.1, 0.05, 0.3)), at=(0.25, 0.05, 0.0))
+        scene.sink("/drain", wsim.Box((0.1, 0.05, 0.3)), at=(0.25, 0.05, 0.0))
     return scene
 
 
