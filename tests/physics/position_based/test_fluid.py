@@ -88,11 +88,11 @@ def test_pressure_is_hydrostatic_and_the_volume_stays():
     assert not any("pressed together" in warning for warning in simulation.warnings)
 
 
-@pytest.mark.parametrize("substeps, iterations, said", [(2, 4, "gained energy"), (4, 1, "pressed together")])
+@pytest.mark.parametrize("substeps, iterations, said", [(2, 4, None), (4, 1, "pressed together")])
 def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(substeps, iterations, said):
     """Eight layers of 1 cm. No particle is ever faster than one that falls from the surface to the floor; before, speeds went
     beyond 1e9 m/s. Density errors tell what few iterations leave: no theory says how much, 0.024 and 0.021 were measured. The
-    first tank is nowhere 10 % too dense (0.08 at most), so that only its rebound is warned of; the second is, by 18 %."""
+    first tank is nowhere 10 % too dense (0.08 at most), so that nothing is warned of; the second is, by 15 %."""
     simulation = tank(half=0.08, high=0.08, radius=0.005, substeps=substeps, iterations=iterations)
     fastest, densest = 0.0, 0.0
     for _ in range(24):
@@ -101,10 +101,26 @@ def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(su
         densest = max(densest, method(simulation).indicators(None, None)["most_density_error"])
     x = simulation.positions()
     assert fastest < np.sqrt(2.0 * G * 0.08)
-    assert (densest > density_errors.TOLD) == (said == "pressed together")
+    assert (densest > density_errors.TOLD) == (said is not None)
     assert np.abs(x[:, [0, 2]]).max() < 0.08 and x[:, 1].min() > 0.0 and x[:, 1].max() < 0.1
     assert 0.02 < method(simulation).indicators(None, None)["density_error"] < 0.2
-    assert any(said in warning for warning in simulation.warnings)
+    assert any(said in warning for warning in simulation.warnings) if said else not simulation.warnings
+
+
+@pytest.mark.parametrize("substeps", [8, 16])
+def test_a_pressed_fluid_is_a_spring_and_gains_no_energy(substeps):
+    """A tank of 12 layers that is let go sinks and rises. Kinetic and potential energy rise by 0.0166 and 0.0026 J; with what
+    density errors hold, U = 1/2 sum V p C, they fall, but for a tenth of that. No warning tells of a gain."""
+    simulation = tank(half=0.08, high=0.24, substeps=substeps)
+    m, V, energies = 1000.0 * (2 * R) ** 3, (2 * R) ** 3, []
+    for _ in range(16):
+        simulation.step()
+        of, x, v = method(simulation), simulation.positions().astype(float), simulation.velocities().astype(float)
+        held = np.maximum(of.table.tight.numpy(), 0.0) * of.part.arrays["p"].numpy()[of.search.cells.order.numpy()]
+        moving = m * (G * x[:, 1].sum() + 0.5 * (v**2).sum())
+        energies.append((moving, moving + 0.5 * V * held.sum()))
+    without, rise = (np.array(energies) - np.minimum.accumulate(energies)).max(axis=0)
+    assert without > 10.0 * rise and not simulation.warnings
 
 
 def test_forty_layers_keep_their_volume_by_two_iterations():

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import density as kernels
@@ -45,7 +46,7 @@ class DensityConstraints(Method):
         far = [np.full(body.count, 0.5 * kernels.REACHED * d) for body in self.bodies]
         points = SearchedPoints.of(self.bodies, far, [-1] * len(self.bodies))
         self.search = NeighbourSearch(launches, points, SKIN * d, NEIGHBOURS, b.ports.arrivals)
-        self.offers.particle_searches = [self.search]
+        self.offers.particle_searches, self.offers.energy_terms = [self.search], [self.make_energy_term]
         self.count = n = self.search.count
         real, zeros = b.model.real, launches.zeros
         t, S = types(real), kernels.fluid_structs(real)
@@ -66,7 +67,7 @@ class DensityConstraints(Method):
                   "start": kernels.fluid_wall_push_kernel, "left": density_errors.fluid_left_kernel,
                   "pressure": kernels.fluid_pressure_kernel, "push": kernels.fluid_push_kernel,
                   "keep": density_errors.fluid_keep_kernel, "flow": flow.flow_gather_kernel,
-                  "viscosity": flow.flow_viscosity_kernel}
+                  "viscosity": flow.flow_viscosity_kernel, "energy": density_errors.fluid_energy_kernel}
         if self.tension is not None:
             makers |= {"normals": tension.tension_normal_kernel, "tension": tension.tension_kernel}
         self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
@@ -140,6 +141,13 @@ class DensityConstraints(Method):
         if self.tension is not None:
             self._run("normals", [search.lists, table])
             self._run("tension", [search.rows, search.cells, search.lists, table, self.tension, clock.h], [s.v])
+
+    def make_energy_term(self, threads: int) -> Any:
+        """Function (rows) that launches the energy that density errors hold, for the balance, of so many threads a world."""
+        def sum_fluid_energy(rows: wp.array) -> None:
+            inputs = [self.search.cells, self.table, self.model.worlds]
+            self.launches.launch(self.kernels["energy"], self.model.worlds * threads, inputs, [rows])
+        return sum_fluid_energy
 
     def _run(self, name: str, inputs: list, outputs: list | None = None) -> None:
         self.launches.launch(self.kernels[name], self.count, inputs, outputs or [])
