@@ -204,9 +204,9 @@ OTHERS = (
     *(AttributeEntry("Particles", name, schema, prefix + usd, kind, unit, kind == "token") for schema, prefix, rows in (
         ("Points", "", "points points point3f[] m|velocities velocities vector3f[] m/s|widths widths float[] m"),
         (WSIM_PARTICLES, "wsim:particles:", "material material token 1|radius radius double m|density density double kg/m^3|"
-         "static_friction staticFriction double 1|dynamic_friction dynamicFriction double 1|viscosity viscosity double Pa s|"
-         "smoothing smoothing double 1|surface_tension surfaceTension double N/m|velocity velocity vector3d m/s|pour_start "
-         "pourStart double 1|pour_end pourEnd double 1|pour_rate pourRate double kg/s"))
+         "static_friction staticFriction double 1|dynamic_friction dynamicFriction double 1|rolling_friction rollingFriction "
+         "double 1|viscosity viscosity double Pa s|smoothing smoothing double 1|surface_tension surfaceTension double N/m|vel"
+         "ocity velocity vector3d m/s|pour_start pourStart double 1|pour_end pourEnd double 1|pour_rate pourRate double kg/s"))
       for name, usd, kind, unit in (row.split(" ", 3) for row in rows.split("|"))),
     AttributeEntry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     AttributeEntry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),

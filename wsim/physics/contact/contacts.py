@@ -71,6 +71,7 @@ class ColliderContacts:
         self.search_kernel: Any = None                   # see `make_search_kernel`
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
         self.edges: Any = None                           # `wsim.physics.cloth.edge_contacts.EdgeContacts`
+        self.spins: tuple = ()                           # table of balls that turn (wsim/physics/position_based/rolling.py)
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: ColliderMesh.build(c, turned) for key, c in surfaces.items()}
@@ -251,7 +252,7 @@ class ColliderContacts:
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
         at = self.read(d=d, a=a, push=self.push)
-        self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, at, g], [d, self.push])
+        self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, at, g, *self.spins], [d, self.push])
 
     @property
     def recorded(self) -> bool:

@@ -79,7 +79,7 @@ class GrainContacts(Method):
                                  rise=zeros(n))
         self.structs: Any = S
         self.touched: Any = None
-        self.part = StatePart("grains", 0, 0)
+        self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)
         self._make_contacts(TOUCHED)
         b.state.add(self.part)
         self.deep = stands_deep(points, b.scene.gravity, b.scene.fps * b.clock.substeps * b.clock.iterations)
@@ -100,6 +100,13 @@ class GrainContacts(Method):
                         Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
                         Stage("grain forces", "finish", self.keep, 1 + self.deep, 100 * size, what="for the next substep")]
 
+    def _make_rolling(self, b: Build) -> Any:
+        """Turns of grains; None where none turns."""
+        if all(body.source.rolling_friction is None for body in self.bodies):
+            return None
+        from wsim.physics.position_based.rolling import RollingContacts
+        return RollingContacts(self, b)
+
     def _make_contacts(self, room: int) -> None:
         """Room for so many contacts of each grain, and for their forces; what was borne is forgotten."""
         launches, t, S, n = self.launches, types(self.model.real), self.structs, self.count
@@ -107,7 +114,8 @@ class GrainContacts(Method):
         whole = {name: zeros(room * n, int) for name in ("other", "id", "support")}
         self.touched = fill_struct(S.GrainContacts, room=room, size=n, count=zeros(n, int), n=zeros(room * n, t.vec3),
                                    b=zeros(room * n), L=zeros(room * n, t.vec3), wanted=wanted, **whole)
-        made = StatePart.allocate("grains", FIELDS, room * n, self.model.real, self.model.device)
+        fields = (*FIELDS, self.rolling.torque) if self.rolling else FIELDS
+        made = StatePart.allocate("grains", fields, room * n, self.model.real, self.model.device)
         rows = {key: (own[:, None] + n * np.arange(room)).ravel()                     # author's order, slot behind slot
                 for key, own in _rows_of_bodies(self.bodies).items()}
         made.arrays["id"].fill_(-1)
@@ -115,6 +123,8 @@ class GrainContacts(Method):
             aside.assign(array)
         self.part.__dict__.update(made.__dict__, rows=rows)
         self.forces = fill_struct(S.GrainForces, id=self.part.arrays["id"], f=self.part.arrays["f"])
+        if self.rolling:
+            self.rolling.make_room(room, self.part.arrays["torque"])
 
     def connect_ports(self, others) -> None:
         """Colliders answer the forces that grains begin with before the first iteration: it would see the lowest ones fall."""
@@ -122,6 +132,8 @@ class GrainContacts(Method):
         if others.ports.newton_sweeps is not None:
             others.ports.newton_sweeps.append(self.solve)
             self.stages = [stage for stage in self.stages if stage.name != "grains"]
+        if self.rolling:
+            self.rolling.connect_ports(others)
         if (contact := others.ports.contact) is not None:
             contact.stages.append(Stage("first contacts", "collide", contact.project, 1, self.model.points * 4,
                                         what="points that forces of grains press"))
@@ -139,9 +151,13 @@ class GrainContacts(Method):
         self._run("apart", [rows, cells, table], [s.x])
         self._run("contact", [rows, cells, lists, table, touched], [])
         self._run("warm", [rows, cells, table, touched, self.forces, self.support, clock.h], [s.d])
+        if self.rolling:
+            self.rolling.start(clock)
 
     def solve(self, clock: Clock) -> None:
         """One iteration of all contacts."""
+        if self.rolling:
+            return self.rolling.solve(clock)
         s, search = self.state, self.search
         self._run("motion", [search.rows, search.cells, self.table, s.d, self.points.anchor], [])
         self._run("solve", [search.rows, search.cells, self.table, self.touched], [s.d])
@@ -150,6 +166,8 @@ class GrainContacts(Method):
         """Forces, for the next substep."""
         search = self.search
         self._run("force", [search.cells, self.touched, self.forces, clock.h], [])
+        if self.rolling:
+            self.rolling.keep(clock)
         if self.deep:
             tables = [search.rows, search.cells, self.table, self.touched, self.support]
             self._run("support", [*tables, self.state.v, clock.h], [])
@@ -158,6 +176,10 @@ class GrainContacts(Method):
         self.launches.launch(self.kernels[name], self.count, inputs, outputs)
 
     # around a frame
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if self.rolling:
+            self.rolling.before_frame()
 
     def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Room for as many contacts as an earlier run had."""

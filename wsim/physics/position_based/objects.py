@@ -16,16 +16,19 @@ STABLE_VISCOSITY = 0.1 # h mu / (rho (2 r)^2), up to which the explicit step of 
 
 @dataclass(frozen=True)
 class Grains:
-    """Round grains that touch and rub, and do not turn, as in `Grains(static_friction=0.6, dynamic_friction=0.6)`.
+    """Round grains that touch and rub, as in `Grains(static_friction=0.6, dynamic_friction=0.6)`.
 
     density             of a grain [kg/m^3]
     static_friction     coefficient [1] up to which a contact sticks; of two grains, or a grain and a collider, the mean counts
     dynamic_friction    coefficient of a contact that slides [1]
+    rolling_friction    torque that resists rolling over normal force and radius, at most [1] (Ai et al. 2011): 0 rolls freely,
+                        a ball stays on slopes up to that tangent; of two grains the mean counts. None: grains do not turn
     """
 
     density: float = 2600.0
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
+    rolling_friction: float | None = None
 
     def particle_mass(self, radius: np.ndarray) -> np.ndarray:
         """Mass [kg] of a particle of that radius [m]: a ball."""
@@ -146,6 +149,11 @@ class Particles(Deformable):
     def collides_as_grains(self) -> bool:                              # type: ignore[override]
         """See `Deformable`."""
         return isinstance(self.material, Grains)
+
+    @property
+    def rolling_friction(self) -> float | None:                        # type: ignore[override]
+        """See `Deformable`."""
+        return getattr(self.material, "rolling_friction", None)
 
     @property
     def friction(self) -> tuple[float, float]:
