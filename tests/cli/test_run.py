@@ -11,6 +11,7 @@ import wsim
 from tests.make.cli.cli import run, samples
 from wsim import cli
 from wsim.cli.run import delay_scene_curves, subdivide_frames
+from wsim.physics.particles.pouring import Pour
 from wsim.scene import Scene, Surface
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation import duration
@@ -31,6 +32,25 @@ def test_later_moves_every_curve():
         assert np.allclose(moved.colliders[0].shape.poses.at(t + 0.5), poses.at(t), atol=1e-14)
         assert np.allclose(moved.pins[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
     assert scene.colliders[0].motion.times[0] == 0.0                   # the scene that is written stays
+
+
+def test_later_moves_pours_sinks_and_smoke_sources_and_gives_frames_for_them():
+    scene = Scene(fps=20.0, frames=10)
+    motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.eye(4)]))
+    motion.values[1, 0, 3] = 1.0
+    for name, make in (("particles", scene.particles), ("mpm", scene.mpm)):
+        more = {"radius": 0.01} if name == "particles" else {"cell": 0.02}
+        make(f"/{name}", wsim.Sphere(0.03), velocity=(0, -1, 0), pour=Pour(-0.25, 2.0), motion=motion, **more)
+    scene.sink("/drain", wsim.Sphere(0.1), motion=motion)
+    air = scene.smoke("/air", (0, 0, 0), (1, 1, 1), cell=0.1)
+    scene.smoke_source("/source", air, wsim.Sphere(0.1), motion=motion, strength=Curve([0.0, 1.0], np.array([0.0, 2.0])))
+    moved = delay_scene_curves(scene, 0.5)
+    assert moved.frames == 20 and scene.frames == 10
+    for kind in ("Particles", "MaterialPoints"):
+        assert moved.things(kind)[0].pour == Pour(0.25, 2.5)
+    for kind in ("Particles", "MaterialPoints", "MaterialSink", "Source"):
+        assert np.isclose(moved.things(kind)[0].motion.at(1.25)[0, 3], 0.75)
+    assert np.isclose(moved.things("Source")[0].strength.at(1.0), 1.0)
 
 
 @pytest.mark.parametrize(("substeps", "count", "each"), [(10, 2, 5), (10, 3, 4), (2, 4, 1)])

@@ -12,7 +12,7 @@ while a frame is being written.
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -42,25 +42,28 @@ def subdivide_frames(scene: Scene, samples: int) -> Scene:
 
 
 def delay_scene_curves(scene: Scene, delay: float) -> Scene:
-    """The scene with every curve `delay` [s] later, so that simulating begins that long before its start."""
+    """The scene with every curve and pour `delay` [s] later, so that simulating begins that long before its start."""
     if delay == 0.0:
         return scene
     bones = {id(b): b.later(delay) for b in scene.things("Skeleton")}
-    objects = {name: [_muscles_and_pins_later(thing, delay, bones) for thing in found] for name, found in scene.objects.items()}
+    objects = {name: [_thing_later(thing, delay, bones) for thing in found] for name, found in scene.objects.items()}
     objects |= {"Skeleton": list(bones.values())} if bones else {}
-    return replace(scene, objects=objects, colliders=[_collider_later(c, delay, bones) for c in scene.colliders],
+    return replace(scene, frames=scene.frames + round(delay * scene.fps), objects=objects,
+                   colliders=[_collider_later(c, delay, bones) for c in scene.colliders],
                    pins=[_pin_later(p, delay, bones) for p in scene.pins],
                    loads=[replace(load, curve=_curve_later(load.curve, delay)) for load in scene.loads],
                    varying=[replace(v, curve=_curve_later(v.curve, delay)) for v in scene.varying])
 
 
-def _muscles_and_pins_later(thing, delay: float, bones: dict):
-    """An object whose muscles, and pins of its own, act `delay` [s] later."""
-    if getattr(thing, "actuation", None) is not None:
-        thing = replace(thing, actuation=_curve_later(thing.actuation, delay))
+def _thing_later(thing, delay: float, bones: dict):
+    """An object whose curves, pour, and pins of its own, act `delay` [s] later."""
+    own = ((f.name, getattr(thing, f.name)) for f in fields(thing) if f.init)
+    later = {name: _curve_later(value, delay) for name, value in own if isinstance(value, Curve) and len(value.times) > 1}
+    if getattr(thing, "pour", None) is not None:
+        later["pour"] = thing.pour.later(delay)
     if getattr(thing, "pins", None):
-        thing = replace(thing, pins=[_pin_later(pin, delay, bones) for pin in thing.pins])
-    return thing
+        later["pins"] = [_pin_later(pin, delay, bones) for pin in thing.pins]
+    return replace(thing, **later) if later else thing
 
 
 def _motion_later(motion: Motion, delay: float) -> Motion:

@@ -280,6 +280,76 @@ def test_a_sink_where_nothing_can_vanish_is_warned_of():
     assert any("there are no particles" in str(problem) for problem in check_scene(scene))
 
 
+@pytest.mark.parametrize(("more", "said"), [
+    ({"start": 0.2}, "behind the last frame"), ({"start": -1.0, "end": -0.5}, "before the first frame"),
+    ({"start": -0.1}, "--preroll 6"), ({"rate": 1e-4}, "nothing comes: it pours 0.0001 kg/s for 0.1 s")])
+def test_a_pour_that_brings_nothing_or_begins_early_is_warned_of(more, said):
+    scene = make_scene(6)
+    pour(scene, **more)
+    found = [str(problem) for problem in check_scene(scene)]
+    assert len(found) == 1 and said in found[0] and "fix:" in found[0] and len(found[0]) < 300
+
+
+def test_a_sink_that_took_nothing_is_named_with_the_nearest_particle():
+    """The lowest of the stream tells how far away it is; a sink below it, half of all space, takes some, and is not named."""
+    scene = make_scene(12)
+    pour(scene, rate=0.05)
+    scene.sink("/drain", wsim.Box((0.01, 0.01, 0.01)), at=(0, -1, 0))
+    scene.sink("/below", wsim.Plane(), at=(0, 0.2, 0))
+    simulation = run(scene)
+    x = simulation.positions("/spout")
+    away = np.linalg.norm(np.maximum(np.abs(x - [0, -1, 0]) - 0.01, 0.0), axis=1).min()
+    assert len(simulation.warnings) == 1
+    assert f"/drain: it has taken nothing in 12 frames, and the nearest particle is {away:.3g} m" in simulation.warnings[0]
+
+
+@pytest.mark.parametrize(("fps", "start", "preroll"), [(24, 0, 0), (30, 101, 0), (30, 101, 10)])
+def test_pours_of_a_stage_begin_at_their_time_code(tmp_path, fps, start, preroll):
+    """Nothing is there up to the code where a pour begins, whatever the frame rate, the first code and the preroll; then rate
+    times time."""
+    from pxr import Usd, UsdGeom
+
+    from tests.make.cli.cli import run as run_command
+    (tmp_path / "pour.usda").write_text(f"""#usda 1.0
+        (metersPerUnit = 0.01
+         upAxis = "Y"
+         startTimeCode = {start}
+         endTimeCode = {start + 8}
+         timeCodesPerSecond = {fps})
+        def PhysicsScene "Physics" (prepend apiSchemas = ["WsimSceneAPI"])
+        {{
+            uniform int wsim:substeps = 8
+        }}
+        def Sphere "Spout" (prepend apiSchemas = ["WsimParticlesAPI"])
+        {{
+            double radius = 3
+            double wsim:particles:radius = 0.5
+            vector3d wsim:particles:velocity = (0, -100, 0)
+            double wsim:particles:pourStart = {start + 3}
+            double wsim:particles:pourEnd = {start + 6}
+            double wsim:particles:pourRate = 1.5
+        }}
+        """)
+    out = str(tmp_path / "out.usdc")
+    assert run_command(str(tmp_path / "pour.usda"), out, *["--preroll", str(preroll)] * (preroll > 0)) == 0
+    stage = Usd.Stage.Open(out)
+    points = UsdGeom.Points(stage.GetPrimAtPath("/Spout_drops")).GetPointsAttr()
+    for code in range(9):
+        came = 1.5 * np.clip(code - 3, 0, 3) / fps / MASS["grains"]
+        assert abs(len(points.Get(start + code)) - came) <= 0.501 + 1.5 / (8 * fps) / MASS["grains"]
+
+
+def test_during_a_preroll_only_what_starts_before_comes():
+    from wsim.cli.run import delay_scene_curves
+    for begin, came in ((0.0, 0.0), (-0.05, 0.15 * 0.05)):
+        scene = make_scene(6)
+        pour(scene, start=begin, rate=0.15)
+        simulation = run(delay_scene_curves(scene, 0.1), 6)
+        assert abs(simulation.indicators()["poured_mass"] - came) <= 0.501 * MASS["grains"] + 0.15 / 480
+        simulation.run(6)
+        assert abs(simulation.indicators()["poured_mass"] - came - 0.15 * 0.1) <= 1.001 * MASS["grains"] + 0.15 / 480
+
+
 def test_masses_of_materials_pour():
     for material in (Grains(density=1000.0), ConstraintFluid(density=500.0)):
         scene = make_scene(8)

@@ -1,7 +1,7 @@
 """What can be wrong with shapes that pour, and with what begins within a solid, whatever method moves it. NumPy only."""
 
 from collections.abc import Iterator
-from math import inf, isfinite
+from math import ceil, inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -47,12 +47,29 @@ def check_pour_numbers(thing: Any, scene: Scene, size: str, smaller: str) -> Ite
         speed = float(np.linalg.norm(velocity))
         yield thing_error(path, f"it pours {pour.rate:g} kg/s, and carries {three_digits(most, int):g} kg/s at {speed:g} m/s",
                           "a rate up to that", f"give a speed of {speed * pour.rate / most:.3g} m/s, or a larger shape")
-    if pour.start * scene.fps >= scene.frames > 0:
-        yield object_warning(path, f"it pours from {pour.start:g} s on, behind the last frame", f"up to "
-                             f"{scene.frames / scene.fps:g} s", "give an earlier start, or more frames")
+    yield from _check_pour_times(thing, scene)
     if isinstance(thing.shape, PointCloud) and thing.shape.poses is not None and thing.shape.poses.moves:
         yield object_warning(path, "its points move", "points that stay, below an Xform that may move",
                              "they pour from where they are at the start")
+
+
+def _check_pour_times(thing: Any, scene: Scene) -> Iterator[Problem]:
+    """A warning of what pours nothing in the scene's frames, or begins before them."""
+    path, pour, shape = thing.path, thing.pour, thing.pouring_shape()
+    if pour.start * scene.fps >= scene.frames > 0:
+        yield object_warning(path, f"it pours from {pour.start:g} s on, behind the last frame", f"up to "
+                             f"{scene.frames / scene.fps:g} s", "give an earlier start, or more frames")
+    elif not pour.end > 0.0 and pour.end > pour.start:
+        yield object_warning(path, f"it pours until {pour.end:g} s, before the first frame", "an end above 0 s",
+                             "give a later end, or run with --preroll")
+    elif pour.start < 0.0:
+        yield object_warning(path, f"it pours from {pour.start:g} s on, and frames begin at 0 s: what comes before is left out",
+                             "a start of 0 s or later", f"give one, or run with --preroll {ceil(-pour.start * scene.fps)}")
+    elif scene.frames > 0 and not shape.count_until(scene.frames / scene.fps):
+        length = min(pour.end, scene.frames / scene.fps) - pour.start
+        yield object_warning(path, f"nothing comes: it pours {shape.mass / shape.interval:.3g} kg/s for {length:.3g} s, and a "
+                             f"particle has {shape.mass:.3g} kg", "half a particle at least",
+                             "give a higher rate, a longer pour, or smaller particles")
 
 
 def check_free_places(thing: Any, scene: Scene, places: np.ndarray, depth: float) -> Iterator[Problem]:

@@ -10,7 +10,7 @@ so that the mass that has come at t is rate (t - start) to half a particle, what
 particle each d: the greatest rate is m |u| columns / d, which is what comes where no rate is given.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, floor, inf
 from typing import Any
@@ -33,7 +33,7 @@ LOOKS = 4                # times a frame at which a motion is evaluated; it is l
 class Pour:
     """When and how much a shape pours, as in `Pour(start=0.5, end=2.0, rate=3.0)`.
 
-    start   [s] from the scene's start
+    start   [s] from the scene's start; what would come before the first frame that is simulated does not come
     end     [s]; inf: without end
     rate    mass a time [kg/s]; None: as much as its cross-section carries at the velocity
     """
@@ -41,6 +41,10 @@ class Pour:
     start: float = 0.0
     end: float = inf
     rate: float | None = None
+
+    def later(self, delay: float) -> "Pour":
+        """The same, `delay` [s] later."""
+        return replace(self, start=self.start + delay, end=self.end + delay)
 
 
 def velocity_axes(velocity: np.ndarray) -> np.ndarray:
@@ -72,6 +76,7 @@ class PouringShape:
 
     def __init__(self, thing: Any, edge: float, mass: float, within: float = WITHIN):
         self.thing, self.pour, self.edge, self.mass, self.within = thing, thing.pour, edge, mass, within
+        self.start = max(self.pour.start, 0.0)
         self.velocity = np.asarray(thing.velocity, np.float64)
 
     @cached_property
@@ -122,7 +127,7 @@ class PouringShape:
 
     def count_until(self, time: float) -> int:
         """Particles that have come before a time [s]."""
-        length = min(self.pour.end, time) - self.pour.start
+        length = min(self.pour.end, time) - self.start
         return max(0, floor(length / self.interval + 0.5)) if length < inf else 0
 
     def _scatter(self, k: np.ndarray, within: float | None = None) -> np.ndarray:
@@ -152,7 +157,7 @@ class PouringShape:
     def pour_points(self, first: int, last: int, fps: float) -> PouredPoints:
         """Particles first to last - 1 of all that come."""
         k, thing = np.arange(first, last), self.thing
-        t = self.pour.start + (k + 0.5) * self.interval
+        t = self.start + (k + 0.5) * self.interval
         scatter = self._scatter(k) if self.within == WITHIN else self._scatter_apart(last)[first:]
         q = self.places[k % len(self.places)] + scatter
         look = t * fps * LOOKS

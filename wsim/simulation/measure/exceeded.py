@@ -39,6 +39,9 @@ def note_exceeded_limits(sim) -> None:
     for method in sim.plan.methods:
         for key, value, said in method.frame_warnings(status):
             _add_exceeded_note(sim, key, value, _with_world(sim.model, key, said))
+    if sim.frame == sim.scene.frames and sim.scene.things("MaterialSink"):
+        from wsim.simulation.measure.checks.idle_sinks import idle_sink_warnings
+        sim.warnings += idle_sink_warnings(sim)
     if not status.words.any():
         return
     bodies, explicit = sim.model.bodies, sim.plan.choice.solver == "explicit"
