@@ -78,6 +78,7 @@ class ShapeMatching(Method):
             self.stages.append(Stage("plastic clusters", "deform", self.flow, 1, size, what="clusters that may flow"))
         self.swept = b.choice.solver == "implicit" and any(body.meets_as_balls for body in b.scene.bodies())
         self.energy: Any = None
+        self.rigid: Any = None               # `wsim.physics.soft.clusters.rigid_contacts.RigidClusterContacts`
         self.offers = Ports(shape_matching=None if self.swept else self, energy_terms=[self.make_energy_term])
 
     def connect_ports(self, others) -> None:
@@ -85,6 +86,10 @@ class ShapeMatching(Method):
         if self.swept:
             others.ports.newton_sweeps.append(self.project)
             self.stages = [stage for stage in self.stages if stage.name != "clusters"]
+        elif (contact := others.ports.contact) is not None and not self.model.gradients and np.any(self.kappa == 0.0):
+            from wsim.physics.soft.clusters.rigid_contacts import RigidClusterContacts, whole_clusters
+            if (whole := whole_clusters(self)).any():
+                self.rigid = RigidClusterContacts(self, contact, whole)
 
     def add_damping(self) -> None:
         """Stage that damps velocities."""
@@ -159,7 +164,7 @@ class ShapeMatching(Method):
         self.model.zero(self.lam)
 
     def project(self, clock: Clock) -> None:
-        """One projection of each cluster, colour by colour."""
+        """One projection of each cluster, colour by colour, and contacts of rigid ones."""
         s, rate, table = self.state, 1.0 / clock.effective_step, self.table
         for begin, end in zip(table.starts[:-1].tolist(), table.starts[1:].tolist(), strict=True):
             if not self.shares:
@@ -171,6 +176,8 @@ class ShapeMatching(Method):
             self.blocks(self.fit, end - begin, [begin, first, self.moments], [self.pose])
             j, last = int(table.first[begin]), int(table.first[end])
             self.spread(self.move, last - j, [self.data, j, rate, s.x, self.lam], [s.d, self.pose])
+        if self.rigid and not clock.free:
+            self.rigid.project(clock)
 
     def spread(self, kernel, count: int, inputs: list, outputs: list) -> None:
         """Launches so many threads, in blocks of the module's size."""
