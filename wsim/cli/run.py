@@ -58,7 +58,8 @@ def delay_scene_curves(scene: Scene, delay: float) -> Scene:
 def _thing_later(thing, delay: float, bones: dict):
     """An object whose curves, pour, and pins of its own, act `delay` [s] later."""
     own = ((f.name, getattr(thing, f.name)) for f in fields(thing) if f.init)
-    later = {name: _curve_later(value, delay) for name, value in own if isinstance(value, Curve) and len(value.times) > 1}
+    later: dict = {name: _curve_later(value, delay) for name, value in own
+                   if isinstance(value, Curve) and len(value.times) > 1}
     if getattr(thing, "pour", None) is not None:
         later["pour"] = thing.pour.later(delay)
     if getattr(thing, "pins", None):
