@@ -30,7 +30,6 @@ pressure K lam / (g^2 V), its virial.
 
 # ruff: noqa: UP018       int(0) makes a variable of what would be a constant
 from functools import cache
-from math import pi
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,15 +38,14 @@ import warp as wp
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.grain_contacts import pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
+from wsim.kernels.position_based.packet_sums import row_sums
+from wsim.kernels.position_based.pair_sums import LATTICE, REACHED
 
-REACHED = 2.0          # H over d
-LATTICE = 1.2359       # S, of the cubic lattice
 LEAST_SLOPE = 0.05     # d^2 D_i / w at least: 0.066 of two particles at rest, 0.25 of a lattice
 MOST_KEPT = 0.3        # w lam / d^2 that lasts at most: such a pressure moves a neighbour at rest by 0.05 d in a substep
 MOST_CHANGE = 1.0      # the same of its change in an iteration
-NEAREST, PARTED = 0.1, 0.01       # of d: distance below which pairs part, however thin the fluid; the part of it an iteration
+PARTED = 0.01          # of what pairs nearer than NEAREST d lack, an iteration
 WALLS = 3              # of a particle at most, the nearest ones: a corner has three
 
 
@@ -61,10 +59,9 @@ def fluid_structs(real) -> SimpleNamespace:
         d: t.scalar                        # distance at rest [m]
         omega: t.scalar                    # relaxation [1]
         w: wp.array(dtype=t.scalar)        # inverse mass of points of the state
-        y: wp.array(dtype=t.vec3)          # by k [m]
-        u: wp.array(dtype=t.vec3)          # by k [m]
+        y: wp.array(dtype=t.vec4)          # by k [m]; fourth: see flow.py
+        at: wp.array(dtype=t.vec4)         # y + u, by k [m]; fourth: change of lam in an iteration
         lam: wp.array(dtype=t.scalar)      # by k [J s^2]
-        change: wp.array(dtype=t.scalar)   # of lam in an iteration, by k
         wall: wp.array(dtype=t.vec4)       # normal, and s of y; entry e of place k at e * count + k; s >= H: none
         push: wp.array(dtype=t.vec3)       # G_wall, by k [1/m]
         pressure: wp.array(dtype=t.scalar) # by p [Pa], what lasts
@@ -73,24 +70,6 @@ def fluid_structs(real) -> SimpleNamespace:
         keep: t.scalar                     # part of an error at the start that a substep leaves [1]
 
     return SimpleNamespace(FluidTable=FluidTable)
-
-
-@wp.func
-def kernel_weight(r: Any, H: Any):
-    """V W(r) / S, for V = (H / 2)^3."""
-    q = type(r)(1.0) - r / H
-    if q <= type(r)(0.0):
-        return type(r)(0.0)
-    return type(r)(15.0 / (8.0 * pi * LATTICE)) * q * q * q
-
-
-@wp.func
-def kernel_slope(r: Any, H: Any):
-    """V W'(r) / S [1/m]."""
-    q = type(r)(1.0) - r / H
-    if q <= type(r)(0.0):
-        return type(r)(0.0)
-    return type(r)(-45.0 / (8.0 * pi * LATTICE)) * q * q / H
 
 
 @wp.func
@@ -107,9 +86,15 @@ def wall_weight(s: Any, H: Any):
     return B, slope
 
 
+@wp.func
+def place_of(p: Any):
+    """The first three of four."""
+    return wp.vector(p[0], p[1], p[2])
+
+
 @cache
 def fluid_gather_kernel(real, module):
-    """Kernel over places: y, u and the pressures that last, in the order of cells; h [s]."""
+    """Kernel over places: y, y + u and the pressures that last, in the order of cells; h [s]."""
     t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
 
     def gather_fluid(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, x: wp.array(dtype=t.vec3),
@@ -117,13 +102,13 @@ def fluid_gather_kernel(real, module):
         k = wp.tid()
         p = c.order[k]
         i = rows.point[p]
-        f.y[k] = x[i] + rows.shift[p]
-        f.u[k] = d[i]
+        y = x[i] + rows.shift[p]
         lam = f.pressure[p] * h * h * f.d * f.d * f.d
         if f.w[i] > real(0.0):
             lam = wp.min(lam, real(MOST_KEPT) * f.d * f.d / f.w[i])
+        f.y[k] = t.vec4(y[0], y[1], y[2], real(0.0))
+        f.at[k] = t.vec4(y[0] + d[i][0], y[1] + d[i][1], y[2] + d[i][2], lam)
         f.lam[k] = lam
-        f.change[k] = lam
 
     return wp.kernel(gather_fluid, name=f"fluid_gather_{t.name}", module=module, enable_backward=False)
 
@@ -137,10 +122,11 @@ def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
     def find_fluid_walls(f: S.FluidTable, colliders: Colliders, time: real):
         k = wp.tid()
         H = real(REACHED) * f.d
-        far = H + wp.length(f.u[k])
+        y = place_of(f.y[k])
+        far = H + wp.length(place_of(f.at[k]) - y)
         m = int(0)
         for c in range(colliders.kind.shape[0]):
-            s, n, place = ask.closest(colliders, c, f.y[k], time)
+            s, n, place = ask.closest(colliders, c, y, time)
             if s < far:
                 at = int(m)
                 if m == wp.static(WALLS):                # the farthest gives way
@@ -162,30 +148,32 @@ def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
 
 @cache
 def fluid_motion_kernel(real, module):
-    """Kernel over places: u in the order of cells, before an iteration."""
+    """Kernel over places: y + u in the order of cells, before an iteration."""
     t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
 
     def gather_fluid_motion(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, d: wp.array(dtype=t.vec3)):
         k = wp.tid()
-        f.u[k] = d[rows.point[c.order[k]]]
+        u = d[rows.point[c.order[k]]]
+        y = f.y[k]
+        f.at[k] = t.vec4(y[0] + u[0], y[1] + u[1], y[2] + u[2], real(0.0))
 
     return wp.kernel(gather_fluid_motion, name=f"fluid_motion_{t.name}", module=module, enable_backward=False)
 
 
 @cache
 def wall_density_func(real):
-    """Function (f, k, moved) -> (part of the density that walls stand for, its slope G_wall), at y + moved u of place k."""
+    """Function (f, k, u) -> (part of the density that walls stand for, its slope G_wall), at y + u of place k."""
     t, S = types(real), fluid_structs(real)
 
     @wp.func
-    def density_of_walls(f: S.FluidTable, k: int, moved: real):
+    def density_of_walls(f: S.FluidTable, k: int, u: t.vec3):
         H = real(REACHED) * f.d
         free = real(1.0)
         wall = t.vec3()
         for e in range(wp.static(WALLS)):
             row = f.wall[e * f.y.shape[0] + k]
             n = t.vec3(row[0], row[1], row[2])
-            gap = row[3] + moved * wp.dot(n, f.u[k])
+            gap = row[3] + wp.dot(n, u)
             if gap < H:
                 B, slope = wall_weight(gap, H)
                 wall = (real(1.0) - B) * wall + (free * slope) * n
@@ -196,82 +184,53 @@ def wall_density_func(real):
 
 
 @cache
-def density_func(real):
-    """Function (f, lists, k) -> (C, sum_j G_ij + G_wall, sum_j |G_ij|^2, G_wall) of place k."""
+def fluid_pressure_kernel(lanes: int, real, module):
+    """Kernel over `lanes` places each: one iteration of the multipliers."""
     t, N, S, walls = types(real), neighbour_structs(real), fluid_structs(real), wall_density_func(real)
-    normal = pair_normal_func(real)
-
-    @wp.func
-    def density_at_place(f: S.FluidTable, lists: N.PairLists, k: int, moved: real):
-        H = real(REACHED) * f.d
-        x = f.y[k] + moved * f.u[k]
-        total = kernel_weight(real(0.0), H)
-        G = t.vec3()
-        square = real(0.0)
-        for s in range(lists.count[k]):
-            other = lists.other[s * lists.size + k]
-            way = x - f.y[other] - moved * f.u[other]
-            if wp.length_sq(way) < H * H:
-                e, r = normal(way, k, other)
-                total += kernel_weight(r, H)
-                slope = kernel_slope(r, H)
-                G += slope * e
-                square += slope * slope
-        B, wall = walls(f, k, moved)
-        return total + B - real(1.0), G + wall, square, wall
-
-    return density_at_place
-
-
-@cache
-def fluid_pressure_kernel(real, module):
-    """Kernel over places: one iteration of the multipliers."""
-    t, N, S, density = types(real), neighbour_structs(real), fluid_structs(real), density_func(real)
+    sums = row_sums(lanes, real)
 
     def solve_fluid_pressure(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable):
-        k = wp.tid()
-        C, G, square, wall = density(f, lists, k, real(1.0))
-        w = f.w[rows.point[c.order[k]]]
-        D = w * wp.max(wp.dot(G, G) + square, real(LEAST_SLOPE) / (f.d * f.d))
-        lam = f.lam[k]
-        new = real(0.0)
-        if w > real(0.0):
-            most = real(MOST_CHANGE) * f.d * f.d / w
-            new = wp.max(lam + wp.clamp(f.omega * (C - f.left[k]) / D, -most, most), real(0.0))
-        f.lam[k] = new
-        f.change[k] = new - lam
-        f.push[k] = wall
-        f.tight[k] = wp.where(w > real(0.0), C, real(0.0))
+        first = wp.static(lanes) * wp.tid()
+        found = sums.density(f.at, lists, first, f.d)
+        for m in range(wp.static(lanes)):
+            k = first + m
+            if k < lists.size:
+                B, wall = walls(f, k, place_of(f.at[k]) - place_of(f.y[k]))
+                C = found[m, 0] + B - real(1.0)
+                G = t.vec3(found[m, 1], found[m, 2], found[m, 3]) + wall
+                w = f.w[rows.point[c.order[k]]]
+                D = w * wp.max(wp.dot(G, G) + found[m, 4], real(LEAST_SLOPE) / (f.d * f.d))
+                lam = f.lam[k]
+                new = real(0.0)
+                if w > real(0.0):
+                    most = real(MOST_CHANGE) * f.d * f.d / w
+                    new = wp.max(lam + wp.clamp(f.omega * (C - f.left[k]) / D, -most, most), real(0.0))
+                f.lam[k] = new
+                f.at[k][3] = new - lam
+                f.push[k] = wall
+                f.tight[k] = wp.where(w > real(0.0), C, real(0.0))
 
-    return wp.kernel(solve_fluid_pressure, name=f"fluid_pressure_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(solve_fluid_pressure, name=f"fluid_pressure_{lanes}_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def fluid_push_kernel(real, module):
-    """Kernel over places: what changes of multipliers move."""
-    t, N, S, normal = types(real), neighbour_structs(real), fluid_structs(real), pair_normal_func(real)
+def fluid_push_kernel(lanes: int, real, module):
+    """Kernel over `lanes` places each: what changes of multipliers move."""
+    t, N, S, sums = types(real), neighbour_structs(real), fluid_structs(real), row_sums(lanes, real)
 
     def push_fluid(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable, d_out: wp.array(dtype=t.vec3)):
-        k = wp.tid()
-        H = real(REACHED) * f.d
-        x = f.y[k] + f.u[k]
-        own = f.change[k]
-        move = own * f.push[k]
-        apart = t.vec3()
-        near = real(NEAREST * NEAREST) * f.d * f.d
-        for s in range(lists.count[k]):
-            other = lists.other[s * lists.size + k]
-            both = own + f.change[other]
-            way = x - f.y[other] - f.u[other]
-            if wp.length_sq(way) < wp.where(both != real(0.0), H * H, near):
-                e, r = normal(way, k, other)
-                move += (both * kernel_slope(r, H)) * e
-                apart += wp.max(real(NEAREST) * f.d - r, real(0.0)) * e
-        i = rows.point[c.order[k]]
-        if f.w[i] > real(0.0):
-            d_out[i] = d_out[i] - f.w[i] * move + real(PARTED) * apart
+        first = wp.static(lanes) * wp.tid()
+        found = sums.push(f.at, lists, first, f.d)
+        for m in range(wp.static(lanes)):
+            k = first + m
+            if k < lists.size:
+                i = rows.point[c.order[k]]
+                if f.w[i] > real(0.0):
+                    move = t.vec3(found[m, 0], found[m, 1], found[m, 2]) + f.at[k][3] * f.push[k]
+                    apart = t.vec3(found[m, 3], found[m, 4], found[m, 5])
+                    d_out[i] = d_out[i] - f.w[i] * move + real(PARTED) * apart
 
-    return wp.kernel(push_fluid, name=f"fluid_push_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(push_fluid, name=f"fluid_push_{lanes}_{t.name}", module=module, enable_backward=False)
 
 
 @cache
@@ -281,7 +240,7 @@ def fluid_wall_push_kernel(real, module):
 
     def start_wall_push(f: S.FluidTable):
         k = wp.tid()
-        B, wall = walls(f, k, real(1.0))
+        B, wall = walls(f, k, place_of(f.at[k]) - place_of(f.y[k]))
         f.push[k] = wall
 
     return wp.kernel(start_wall_push, name=f"fluid_wall_push_{types(real).name}", module=module, enable_backward=False)

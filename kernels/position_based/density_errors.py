@@ -16,24 +16,30 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.density import density_func, fluid_structs
+from wsim.kernels.position_based.density import fluid_structs, wall_density_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
+from wsim.kernels.position_based.packet_sums import row_sums
 
 MOST_LEFT = 0.01       # C of which a part may stay: 0.003 boils, 0.02 leaves deep fluids pressed together
 TOLD = 0.1             # C of which a warning tells
 
 
 @cache
-def fluid_left_kernel(real, module):
-    """Kernel over places: what a substep may leave of the error where it begins."""
-    N, S, density = neighbour_structs(real), fluid_structs(real), density_func(real)
+def fluid_left_kernel(lanes: int, real, module):
+    """Kernel over `lanes` places each: what a substep may leave of the error where it begins."""
+    t, N, S, walls = types(real), neighbour_structs(real), fluid_structs(real), wall_density_func(real)
+    sums = row_sums(lanes, real)
 
     def allow_density_error(lists: N.PairLists, f: S.FluidTable):
-        k = wp.tid()
-        C, G, square, wall = density(f, lists, k, real(0.0))
-        f.left[k] = f.keep * wp.clamp(C, real(0.0), real(MOST_LEFT))
+        first = wp.static(lanes) * wp.tid()
+        found = sums.density(f.y, lists, first, f.d)
+        for m in range(wp.static(lanes)):
+            k = first + m
+            if k < lists.size:
+                B, wall = walls(f, k, t.vec3())
+                f.left[k] = f.keep * wp.clamp(found[m, 0] + B - real(1.0), real(0.0), real(MOST_LEFT))
 
-    return wp.kernel(allow_density_error, name=f"fluid_left_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(allow_density_error, name=f"fluid_left_{lanes}_{t.name}", module=module, enable_backward=False)
 
 
 @cache

@@ -13,52 +13,42 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.density import LATTICE, REACHED, fluid_structs, kernel_slope, kernel_weight
+from wsim.kernels.position_based.density import fluid_structs
 from wsim.kernels.position_based.neighbours import neighbour_structs
-
-FEW = 0.93             # 1 / c
-MOST_RUBBED = 0.1      # of a difference of velocity, by viscosity, of one pair a substep: what nearly meets is not thrown
+from wsim.kernels.position_based.packet_sums import row_sums
 
 
 @cache
 def flow_gather_kernel(real, module):
-    """Kernel over places: places and velocities in the order of cells, in y and u."""
+    """Kernel over places: places and velocities in the order of cells, with mu / rho [m^2/s] and s [1] of `flow`, by p."""
     t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
 
-    def gather_fluid_velocity(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, x: wp.array(dtype=t.vec3),
-                              v: wp.array(dtype=t.vec3)):
+    def gather_fluid_velocity(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, flow: wp.array(dtype=t.vec2),
+                              x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3)):
         k = wp.tid()
         p = c.order[k]
         i = rows.point[p]
-        f.y[k] = x[i] + rows.shift[p]
-        f.u[k] = v[i]
+        y = x[i] + rows.shift[p]
+        f.y[k] = t.vec4(y[0], y[1], y[2], flow[p][0])
+        f.at[k] = t.vec4(v[i][0], v[i][1], v[i][2], flow[p][1])
 
     return wp.kernel(gather_fluid_velocity, name=f"flow_gather_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def flow_viscosity_kernel(real, module):
-    """Kernel over places: what pairs exchange. flow: by p, mu / rho [m^2/s] and s [1]; h: substep [s]."""
-    t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
+def flow_viscosity_kernel(lanes: int, real, module):
+    """Kernel over `lanes` places each: what pairs exchange. h: substep [s]."""
+    t, N, S, sums = types(real), neighbour_structs(real), fluid_structs(real), row_sums(lanes, real)
 
-    def exchange_fluid_velocity(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable,
-                                flow: wp.array(dtype=t.vec2), h: real, v_out: wp.array(dtype=t.vec3)):
-        k = wp.tid()
-        p = c.order[k]
-        H = real(REACHED) * f.d
-        own = f.u[k]
-        rate = flow[p]
-        given = t.vec3()
-        for s in range(lists.count[k]):
-            other = lists.other[s * lists.size + k]
-            r = wp.length(f.y[k] - f.y[other])
-            if r < H and r > real(0.0):
-                mean = real(0.5) * (rate + flow[c.order[other]])
-                rubbed = -real(2.0 * LATTICE / FEW) * h * mean[0] * kernel_slope(r, H) / r
-                part = mean[1] * kernel_weight(r, H) + wp.min(rubbed, real(MOST_RUBBED))
-                given += part * (f.u[other] - own)
-        i = rows.point[p]
-        if f.w[i] > real(0.0):
-            v_out[i] = v_out[i] + given
+    def exchange_fluid_velocity(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable, h: real,
+                                v_out: wp.array(dtype=t.vec3)):
+        first = wp.static(lanes) * wp.tid()
+        found = sums.flow(f.y, f.at, lists, first, f.d, h)
+        for m in range(wp.static(lanes)):
+            k = first + m
+            if k < lists.size:
+                i = rows.point[c.order[k]]
+                if f.w[i] > real(0.0):
+                    v_out[i] = v_out[i] + t.vec3(found[m, 0], found[m, 1], found[m, 2])
 
-    return wp.kernel(exchange_fluid_velocity, name=f"flow_viscosity_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(exchange_fluid_velocity, name=f"flow_viscosity_{lanes}_{t.name}", module=module, enable_backward=False)

@@ -22,9 +22,11 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.density import REACHED, fluid_structs, kernel_slope
+from wsim.kernels.position_based.density import fluid_structs, place_of
 from wsim.kernels.position_based.grain_contacts import pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
+from wsim.kernels.position_based.packet_sums import row_sums
+from wsim.kernels.position_based.pair_sums import REACHED
 
 COHESION = 0.227       # A, by Laplace pressures
 EVEN = 0.109           # B, the same
@@ -44,23 +46,19 @@ def cohesion_weight(r: Any, H: Any):
 
 
 @cache
-def tension_normal_kernel(real, module):
-    """Kernel over places: normals n, where the table has G_wall."""
-    t, N, S, normal = types(real), neighbour_structs(real), fluid_structs(real), pair_normal_func(real)
+def tension_normal_kernel(lanes: int, real, module):
+    """Kernel over `lanes` places each: normals n, where the table has G_wall."""
+    t, N, S, sums = types(real), neighbour_structs(real), fluid_structs(real), row_sums(lanes, real)
 
     def find_surface_normals(lists: N.PairLists, f: S.FluidTable):
-        k = wp.tid()
-        H = real(REACHED) * f.d
-        G = f.push[k]
-        for s in range(lists.count[k]):
-            other = lists.other[s * lists.size + k]
-            way = f.y[k] - f.y[other]
-            if wp.length_sq(way) < H * H:
-                e, r = normal(way, k, other)
-                G += kernel_slope(r, H) * e
-        f.push[k] = H * G
+        first = wp.static(lanes) * wp.tid()
+        found = sums.density(f.y, lists, first, f.d)
+        for m in range(wp.static(lanes)):
+            k = first + m
+            if k < lists.size:
+                f.push[k] = real(REACHED) * f.d * (f.push[k] + t.vec3(found[m, 1], found[m, 2], found[m, 3]))
 
-    return wp.kernel(find_surface_normals, name=f"tension_normals_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(find_surface_normals, name=f"tension_normals_{lanes}_{t.name}", module=module, enable_backward=False)
 
 
 @cache
@@ -76,7 +74,7 @@ def tension_kernel(real, module):
         force = t.vec3()
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            way = f.y[k] - f.y[other]
+            way = place_of(f.y[k]) - place_of(f.y[other])
             if wp.length_sq(way) < H * H:
                 e, r = normal(way, k, other)
                 sigma = real(0.5) * (tension[p] + tension[c.order[other]])

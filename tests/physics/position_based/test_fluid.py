@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 import wsim
-from wsim.kernels.position_based import density, density_errors
+from wsim.kernels.position_based import density, density_errors, pair_sums
 from wsim.physics.position_based.objects import ConstraintFluid
 from wsim.scene import Motion, Scene, SceneError
 
@@ -51,7 +51,7 @@ def test_slopes_are_derivatives_of_weights(name):
     def both(r: wp.array(dtype=wp.float64), H: wp.float64, out: wp.array(dtype=wp.vec4d)):
         i = wp.tid()
         B, slope = density.wall_weight(r[i], H)
-        out[i] = wp.vec4d(density.kernel_weight(r[i], H), density.kernel_slope(r[i], H), B, slope)
+        out[i] = wp.vec4d(pair_sums.kernel_weight(r[i], H), pair_sums.kernel_slope(r[i], H), B, slope)
     H, e = 0.04, 1e-7
     r = np.linspace(0.002, 0.0399, 60)
     found = []
@@ -125,12 +125,14 @@ def test_a_pressed_fluid_is_a_spring_and_gains_no_energy(substeps):
 
 def test_forty_layers_keep_their_volume_by_two_iterations():
     """A narrow tank of 40 layers that begins without pressures; before, a pressed fluid stayed so: 0.935 of the height, error
-    0.038."""
+    0.038. It sways by 1 % of both, so that they are means of 40 frames."""
     simulation = tank(half=0.02, high=0.4, radius=0.005, substeps=8, iterations=2)
-    start = simulation.positions()[:, 1].mean()
-    simulation.run(80)
-    assert 0.97 < simulation.positions()[:, 1].mean() / start < 1.02
-    assert method(simulation).indicators(None, None)["density_error"] < 0.015
+    start, found = simulation.positions()[:, 1].mean(), []
+    for _ in range(80):
+        simulation.step()
+        found.append((simulation.positions()[:, 1].mean() / start, method(simulation).indicators(None, None)["density_error"]))
+    height, error = np.mean(found[40:], axis=0)
+    assert 0.965 < height < 1.0 and error < 0.0145
 
 
 def test_the_nearest_walls_count_whatever_their_order():

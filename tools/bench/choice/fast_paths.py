@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT))
 from wsim import Scene, Simulation, load  # noqa: E402
 from wsim.bench.fast_paths import ROWS, FastPath  # noqa: E402
 from wsim.physics.fluid.objects import Fluid, Source  # noqa: E402
-from wsim.scene import Motion, Sphere, shapes  # noqa: E402
+from wsim.scene import Box, Motion, Plane, Sphere, shapes  # noqa: E402
 from wsim.scene.fabric import Fabric  # noqa: E402
 
 
@@ -78,6 +78,14 @@ def smoke(cells: int) -> Scene:
     return scene
 
 
+def splash(across: int) -> Scene:
+    """A cube of fluid that falls apart on a plane."""
+    scene = Scene(fps=60.0, frames=24, substeps=8, iterations=4)
+    scene.collider("/floor", Plane())
+    scene.particles("/water", Box((0.005 * across,) * 3), at=(0, 0.005 * across, 0), radius=0.005, material="fluid")
+    return scene
+
+
 EXPLICIT = {"solver": "explicit", "integrator": "leapfrog"}
 SWEPT = {"solver": "xpbd", "integrator": "backward_euler"}
 SCENES: dict[str, Any] = {
@@ -86,6 +94,7 @@ SCENES: dict[str, Any] = {
     "substeps by a team": lambda: example("squeezed_cube", substeps=200, **EXPLICIT),
     "tets by eights": lambda: example("bear", substeps=80, **EXPLICIT),
     "sweeps by eights": lambda: sheet(32, substeps=40, iterations=1, **SWEPT),
+    "fluids by eights": lambda: splash(20),
     "tree of colliders": lambda: strewn(100),
     "frames without contacts": lambda: far(example("hanging_cloth", substeps=1200, **EXPLICIT)),
     "direct pressure": lambda: smoke(32),

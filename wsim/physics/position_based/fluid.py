@@ -10,7 +10,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import density as kernels
-from wsim.kernels.position_based import density_errors, flow, tension
+from wsim.kernels.position_based import density_errors, flow, packet_sums, tension
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
@@ -56,22 +56,13 @@ class DensityConstraints(Method):
             self.part.rows[body.path, body.world] = first + body.index - body.first
             first += body.count
         b.state.add(self.part)
-        scratch = {name: zeros(n, t.vec3) for name in ("y", "u", "push")}
-        scratch |= {name: zeros(n) for name in ("lam", "change", "tight", "left")}
+        scratch = {"y": zeros(n, t.vec4), "at": zeros(n, t.vec4), "push": zeros(n, t.vec3)}
+        scratch |= {name: zeros(n) for name in ("lam", "tight", "left")}
         self.table = fill_struct(S.FluidTable, d=d, omega=OMEGA, keep=KEEP, w=self.points.constants.w,
                                  wall=zeros(kernels.WALLS * n, t.vec4), pressure=self.part.arrays["p"], **scratch)
         self.flow, self.flows = self._make_flow(b)
         self.tension = self._make_tension(b)
-        module = launches.module
-        makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,
-                  "start": kernels.fluid_wall_push_kernel, "left": density_errors.fluid_left_kernel,
-                  "pressure": kernels.fluid_pressure_kernel, "push": kernels.fluid_push_kernel,
-                  "keep": density_errors.fluid_keep_kernel, "flow": flow.flow_gather_kernel,
-                  "viscosity": flow.flow_viscosity_kernel, "energy": density_errors.fluid_energy_kernel}
-        if self.tension is not None:
-            makers |= {"normals": tension.tension_normal_kernel, "tension": tension.tension_kernel}
-        self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
-        self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
+        self._make_kernels()
         for word in (NEAR_WORD, DENSE_WORD):
             b.status.reserve(word)
         size, drawn = n * np.dtype(b.model.dtype).itemsize, self.tension is not None
@@ -80,6 +71,23 @@ class DensityConstraints(Method):
                               what=f"{n} particles"),
                         Stage("densities", "solve", self.solve, 3, 300 * size, "iteration", f"of {n} particles"),
                         Stage("pressures", "finish", self.keep, last, 3 * size, what="for the next substep")]
+
+    def _make_kernels(self) -> None:
+        """`kernels` by name; on a CPU a thread of those that are `packed` takes several particles."""
+        real, module = self.model.real, self.launches.module
+        makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,
+                  "start": kernels.fluid_wall_push_kernel, "keep": density_errors.fluid_keep_kernel,
+                  "flow": flow.flow_gather_kernel, "energy": density_errors.fluid_energy_kernel}
+        packed = {"left": density_errors.fluid_left_kernel, "pressure": kernels.fluid_pressure_kernel,
+                  "push": kernels.fluid_push_kernel, "viscosity": flow.flow_viscosity_kernel}
+        if self.tension is not None:
+            makers |= {"tension": tension.tension_kernel}
+            packed |= {"normals": tension.tension_normal_kernel}
+        self.lanes = 1 if self.launches.cuda else packet_sums.LANES
+        self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
+        self.kernels |= {name: make(self.lanes, real, module) for name, make in packed.items()}
+        self.packed = {name: -(-self.count // self.lanes) for name in packed}
+        self.kernels["walls"] = kernels.fluid_wall_kernel(self.colliders.kinds, real, module)
 
     def _make_colliders(self, b: Build) -> Any:
         from wsim.physics.contact.collider.table import ColliderTable
@@ -135,9 +143,9 @@ class DensityConstraints(Method):
         s, search, table = self.state, self.search, self.table
         self._run("keep", [search.cells, table, clock.h], [self.status.word(DENSE_WORD)])
         if self.flows or self.tension is not None:
-            self._run("flow", [search.rows, search.cells, table, s.x, s.v])
+            self._run("flow", [search.rows, search.cells, table, self.flow, s.x, s.v])
         if self.flows:
-            self._run("viscosity", [search.rows, search.cells, search.lists, table, self.flow, clock.h], [s.v])
+            self._run("viscosity", [search.rows, search.cells, search.lists, table, clock.h], [s.v])
         if self.tension is not None:
             self._run("normals", [search.lists, table])
             self._run("tension", [search.rows, search.cells, search.lists, table, self.tension, clock.h], [s.v])
@@ -150,7 +158,7 @@ class DensityConstraints(Method):
         return sum_fluid_energy
 
     def _run(self, name: str, inputs: list, outputs: list | None = None) -> None:
-        self.launches.launch(self.kernels[name], self.count, inputs, outputs or [])
+        self.launches.launch(self.kernels[name], self.packed.get(name, self.count), inputs, outputs or [])
 
     # around a frame
 
