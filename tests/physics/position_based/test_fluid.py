@@ -161,7 +161,7 @@ def test_fluid_in_one_place_comes_apart():
     """
     h, d = 1.0 / 480.0, 2.0 * R
     C, slope = 100 * 15 / (8 * np.pi * density.LATTICE) - 1, 45 / (8 * np.pi * density.LATTICE) / (density.REACHED * d)
-    most = {2: np.sqrt(10 * density.PARTED) / h * density.NEAREST * d / 2, 100: 1.05 * 0.5 * C / (np.sqrt(99) * slope) / h}
+    most = {2: np.sqrt(10 * density.PARTED) / h * pair_sums.NEAREST * d / 2, 100: 1.05 * 0.5 * C / (np.sqrt(99) * slope) / h}
     for n in (2, 100):
         scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
         scene.particles("/water", points=np.tile([0.0, 0.1, 0.0], (n, 1)), radius=R, material="fluid")
