@@ -14,9 +14,10 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import point_constants
 from wsim.kernels.position_based.grains import grain_structs, pair_impulse_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.stacks import MORE, SETTLED, support_func
+from wsim.kernels.position_based.stacks import MORE, SETTLED, stack_state_func, support_func, support_sum_func
 
 SLOP = 1e-3            # of R_i + R_j: overlap that is left alone, so that contacts last
 NEAR = 0.05            # of R_i + R_j: gap up to which a pair may touch in the iterations of a substep
@@ -56,52 +57,61 @@ def pair_normal_func(real):
 
 @cache
 def gather_kernel(real, module):
-    """Kernel over places: y, u and friction of the particles in the order of cells. fast: how many go farther in this substep
+    """Kernel over places: what is known of the particles, in the order of cells. g.fast: how many go farther in this substep
     than FAR times their radius, so that they may pass through others unseen."""
-    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+    t, N, S, Constants = types(real), neighbour_structs(real), grain_structs(real), point_constants(real)
+    stack = stack_state_func(real)
 
-    def gather_grains(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, x: wp.array(dtype=t.vec3),
-                      d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), fast: wp.array(dtype=int)):
+    def gather_grains(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, points: Constants, before: S.GrainSupport,
+                      x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3)):
         k = wp.tid()
         p = c.order[k]
         i = rows.point[p]
+        w = g.w[i]
+        u = d[i] - a[i]
+        up, felt, held = stack(rows, points, before, p, w)
+        g.point[k] = i
+        g.inverse[k] = w
         g.y[k] = x[i] + rows.shift[p]
-        g.u[k] = d[i] - a[i]
+        g.u[k] = u
         g.rub[k] = g.friction[p]
+        g.up[k] = up
+        g.felt[k] = felt
+        g.held[k] = held
+        g.rise[k] = up[0] * u[0] + up[1] * u[1] + up[2] * u[2]
         if wp.length(d[i]) > real(FAR) * rows.reach[p]:
-            wp.atomic_add(fast, 0, 1)
+            wp.atomic_add(g.fast, 0, 1)
 
     return wp.kernel(gather_grains, name=f"grains_gather_{t.name}", module=module, enable_backward=False)
 
 
 @cache
 def overlap_kernel(real, module):
-    """Kernel over places: `back`, and the greatest overlap [1e-6 of R_i + R_j] into `worst`."""
+    """Kernel over places: `back`, and the greatest overlap into `deepest`. most: of `back` [m]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
     support = support_func(real)
 
-    def measure_overlaps(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, g: S.GrainTable, most: real,
-                         worst: wp.array(dtype=int)):
+    def measure_overlaps(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, most: real):
         k = wp.tid()
-        p = c.order[k]
-        w = g.w[rows.point[p]]
+        w = g.inverse[k]
         y = g.y[k]
+        felt = g.felt[k]
+        own = c.reach[k]
         up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
         back = t.vec3()
         number = real(0.0)
         deepest = real(0.0)
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            o = c.order[other]
-            R = rows.reach[p] + rows.reach[o]
+            R = own + c.reach[other]
             way = y - g.y[other]
             if wp.length_sq(way) < R * R:
-                n, D = normal(way, p, o)
+                n, D = normal(way, c.order[k], c.order[other])
                 over = R - D
                 deepest = wp.max(deepest, over / R)
                 over -= real(SLOP) * R
-                held = support(wp.dot(up, n), g.held[k][0], g.held[other][0])
-                both = w + g.w[rows.point[o]]
+                held = support(wp.dot(up, n), felt, g.felt[other])
+                both = w + g.inverse[other]
                 if over > real(0.0) and both > real(0.0) and held >= 0:
                     share = w / both
                     if held == 1:
@@ -115,7 +125,7 @@ def overlap_kernel(real, module):
                 back *= most / size
         g.back[k] = back
         if deepest > real(TOLD):
-            wp.atomic_max(worst, 0, int(real(1.0e6) * deepest))
+            wp.atomic_max(g.deepest, 0, int(real(1.0e6) * deepest))
 
     return wp.kernel(measure_overlaps, name=f"grains_overlap_{t.name}", module=module, enable_backward=False)
 
@@ -123,13 +133,13 @@ def overlap_kernel(real, module):
 @cache
 def stabilize_kernel(real, module):
     """Kernel over places: places without the overlaps that go."""
-    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+    t, S = types(real), grain_structs(real)
 
-    def move_apart(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, x_out: wp.array(dtype=t.vec3)):
+    def move_apart(g: S.GrainTable, x_out: wp.array(dtype=t.vec3)):
         k = wp.tid()
         back = g.back[k]
         if wp.length_sq(back) > real(0.0):
-            i = rows.point[c.order[k]]
+            i = g.point[k]
             x_out[i] = x_out[i] + back
             g.y[k] = g.y[k] + back
 
@@ -137,23 +147,31 @@ def stabilize_kernel(real, module):
 
 
 @cache
-def contact_kernel(real, module):
-    """Kernel over places: pairs of the lists that may touch in this substep, in the order of their numbers."""
-    t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
+def pair_listing_func(real):
+    """Function (c, lists, g, q, k) -> contacts of place k: pairs of its list that may touch in this substep, written in the
+    order of their numbers."""
+    N, S = neighbour_structs(real), grain_structs(real)
 
-    def find_grain_contacts(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts):
-        k = wp.tid()
-        p = c.order[k]
+    @wp.func
+    def list_grain_contacts(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts, k: int):
         y = g.y[k]
         u = g.u[k]
+        own = c.reach[k]
         m = int(0)
         for s in range(lists.count[k]):
             other = lists.other[s * lists.size + k]
-            o = c.order[other]
-            R = rows.reach[p] + rows.reach[o]
-            n, D = normal(y - g.y[other], p, o)
-            if D - R + wp.min(wp.dot(n, u - g.u[other]), real(0.0)) < real(NEAR) * R:
+            R = real(1.0 + NEAR) * (own + c.reach[other])
+            way = y - g.y[other]
+            square = wp.length_sq(way)
+            near = square < R * R
+            if not near:
+                closing = wp.dot(way, u - g.u[other])
+                if closing < real(0.0):
+                    D = wp.sqrt(square)
+                    near = D + closing / D < R
+            if near:
                 if m < q.room:
+                    o = c.order[other]
                     at = int(m)
                     while at > 0 and q.id[(at - 1) * q.size + k] > o:
                         q.id[at * q.size + k] = q.id[(at - 1) * q.size + k]
@@ -162,92 +180,107 @@ def contact_kernel(real, module):
                     q.id[at * q.size + k] = o
                     q.other[at * q.size + k] = other
                 m += 1
-        q.count[k] = wp.min(m, q.room)
         if m > q.room:
             wp.atomic_max(q.wanted, 0, m)
+        m = wp.min(m, q.room)
+        q.count[k] = m
+        return m
 
-    return wp.kernel(find_grain_contacts, name=f"grains_contact_{t.name}", module=module, enable_backward=False)
+    return list_grain_contacts
 
 
 @cache
-def warm_kernel(real, module):
-    """Kernel over places: normals, gaps, and the impulses that the forces of the substep before give in this one; h [s]."""
+def contact_kernel(real, module):
+    """Kernel over places: contacts, their normals and gaps, and the impulses that the forces of the substep before give in this
+    one; h [s]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
-    support, solve = support_func(real), pair_impulse_func(real)
+    support, solve, listing = support_func(real), pair_impulse_func(real), pair_listing_func(real)
 
-    def start_grain_contacts(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
+    def start_grain_contacts(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
                              support_before: S.GrainSupport, h: real, d_out: wp.array(dtype=t.vec3)):
         k = wp.tid()
         p = c.order[k]
-        i = rows.point[p]
+        y = g.y[k]
+        u = g.u[k]
+        rub = g.rub[k]
+        felt = g.felt[k]
+        part = g.held[k][0]
+        ground = g.held[k][2]
         up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
         given = t.vec3()
         pressed = real(1.0)
         carried = bool(False)
         old = int(0)
-        for s in range(q.count[k]):
+        for s in range(listing(c, lists, g, q, k)):
             slot = s * q.size + k
             o = q.id[slot]
             other = q.other[slot]
-            n, D = normal(g.y[k] - g.y[other], p, o)
-            held = support(wp.dot(up, n), g.held[k][0], g.held[other][0])
+            n, D = normal(y - g.y[other], p, o)
+            held = support(wp.dot(up, n), felt, g.felt[other])
             L = t.vec3()
             while old < q.room and before.id[old * q.size + p] >= 0 and before.id[old * q.size + p] < o:
                 old += 1
             if old < q.room and before.id[old * q.size + p] == o:
                 L = (h * h) * before.f[old * q.size + p]
                 if held == 1:
-                    L *= real(1.0) / wp.max(g.held[k][1], real(1.0 / MORE))
-                mu = real(0.5) * (g.rub[k] + g.rub[other])
+                    L *= real(1.0) / wp.max(part, real(1.0 / MORE))
+                mu = real(0.5) * (rub + g.rub[other])
                 L = solve(n, real(0.0), L, t.vec3(), real(1.0), mu)      # cut to the cone of friction: nothing has moved
-            q.n[slot] = n
-            R = rows.reach[p] + rows.reach[o]
+            R = c.reach[k] + c.reach[other]
             gap = D - R
             b = wp.max(gap, real(0.0))
             if held == 0:
                 b += wp.max(real(PARTED) * wp.min(gap + real(DEEP) * R, real(0.0)), -real(QUICK) * R)
+            q.n[slot] = n
             q.b[slot] = b
             q.L[slot] = L
             q.support[slot] = held
             carried = carried or held == 1
             if held >= 0:
                 given += L
-            if wp.length_sq(L) > real(0.0) or b + wp.dot(n, g.u[k] - g.u[other]) < real(0.0):
+            if wp.length_sq(L) > real(0.0) or b + wp.dot(n, u - g.u[other]) < real(0.0):
                 pressed += real(1.0)
-        if not carried and g.held[k][3] >= real(SETTLED):
-            rested = wp.min(g.held[k][3] / wp.max(g.held[k][2], real(1.0)), real(1.0))
+        if not carried and ground >= real(SETTLED):
+            rested = wp.min(ground / wp.max(part, real(1.0)), real(1.0))
             given += (rested * h * h) * support_before.load[p]
-        d_out[i] = d_out[i] + g.w[i] * given
-        g.split[k] = pressed * g.w[i]
+        i = g.point[k]
+        d_out[i] = d_out[i] + g.inverse[k] * given
+        g.split[k] = pressed * g.inverse[k]
 
-    return wp.kernel(start_grain_contacts, name=f"grains_warm_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(start_grain_contacts, name=f"grains_contact_{t.name}", module=module, enable_backward=False)
 
 
 @cache
-def force_kernel(real, module):
-    """Kernel over places: what contacts have borne in a substep of h [s], as forces, by the numbers of grains."""
+def force_kernel(deep: bool, real, module):
+    """Kernel over places: what contacts have borne in a substep of h [s], as forces, by the numbers of grains; deep: and what
+    stacks need of it (stacks.py)."""
     t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+    sum_support = support_sum_func(real)
 
-    def keep_grain_forces(c: N.CellTable, q: S.GrainContacts, after: S.GrainForces, h: real):
+    def keep_grain_forces(c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, after: S.GrainForces,
+                          support_after: S.GrainSupport, v: wp.array(dtype=t.vec3), h: real):
         k = wp.tid()
         p = c.order[k]
         m = int(0)
         for s in range(q.count[k]):
-            L = q.L[s * q.size + k]
-            if q.support[s * q.size + k] == -1:              # what it holds has answered alone, and knows
-                other = q.other[s * q.size + k]
+            slot = s * q.size + k
+            L = q.L[slot]
+            if q.support[slot] == -1:                        # what it holds has answered alone, and knows
+                other = q.other[slot]
                 L = t.vec3()
                 e = int(0)
                 while e < q.count[other] and q.id[e * q.size + other] < p:
                     e += 1
                 if e < q.count[other] and q.id[e * q.size + other] == p:
                     L = -q.L[e * q.size + other]
-                q.L[s * q.size + k] = L
+                q.L[slot] = L
             if wp.length_sq(L) > real(0.0):
-                after.id[m * q.size + p] = q.id[s * q.size + k]
+                after.id[m * q.size + p] = q.id[slot]
                 after.f[m * q.size + p] = L / (h * h)
                 m += 1
         if m < q.room:
             after.id[m * q.size + p] = -1
+        if wp.static(deep):
+            sum_support(g, q, support_after, v[g.point[k]], k, p, h)
 
-    return wp.kernel(keep_grain_forces, name=f"grains_force_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(keep_grain_forces, name=f"grains_force{'_deep' * deep}_{t.name}", module=module, enable_backward=False)

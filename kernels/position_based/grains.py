@@ -27,7 +27,6 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.neighbours import neighbour_structs
 
 PUSHED = 0.5           # of a push by a grain that holds another, that the other takes: see stacks.py
 
@@ -41,14 +40,19 @@ def grain_structs(real) -> SimpleNamespace:
     class GrainTable:
         friction: wp.array(dtype=t.vec2)   # static, dynamic, by p
         w: wp.array(dtype=t.scalar)        # inverse mass of points of the state
+        point: wp.array(dtype=int)         # place among the points of the state, by k
+        inverse: wp.array(dtype=t.scalar)  # inverse mass by k [1/kg]
         y: wp.array(dtype=t.vec3)          # where the substep begins, by k [m]
         u: wp.array(dtype=t.vec3)          # by k [m]
         split: wp.array(dtype=t.scalar)    # m w, by k [1/kg]
         up: wp.array(dtype=t.vec4)         # against gravity, and its size [m/s^2], by k: see stacks.py
-        held: wp.array(dtype=t.vec4)       # felt, part, load over weight, ground, by k; felt < 0: no grain
+        felt: wp.array(dtype=t.scalar)     # of gravity in the substep before, by k; below 0: no grain
+        held: wp.array(dtype=t.vec3)       # part, load over weight, ground, by k
         rise: wp.array(dtype=t.scalar)     # up.u before contacts, by k [m]
         rub: wp.array(dtype=t.vec2)        # friction by k
         back: wp.array(dtype=t.vec3)       # correction of overlaps, by k [m]
+        fast: wp.array(dtype=int)          # how many passed others in a substep, (1,): see grain_contacts.py
+        deepest: wp.array(dtype=int)       # the greatest overlap [1e-6 of R_i + R_j], (1,)
 
     @wp.struct
     class GrainContacts:
@@ -82,12 +86,11 @@ def grain_structs(real) -> SimpleNamespace:
 @cache
 def motion_kernel(real, module):
     """Kernel over places: u in the order of cells, before an iteration."""
-    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+    t, S = types(real), grain_structs(real)
 
-    def gather_motion(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, d: wp.array(dtype=t.vec3),
-                      a: wp.array(dtype=t.vec3)):
+    def gather_motion(g: S.GrainTable, d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3)):
         k = wp.tid()
-        i = rows.point[c.order[k]]
+        i = g.point[k]
         g.u[k] = d[i] - a[i]
 
     return wp.kernel(gather_motion, name=f"grains_motion_{t.name}", module=module, enable_backward=False)
@@ -117,10 +120,9 @@ def pair_impulse_func(real):
 @cache
 def grain_solve_kernel(real, module):
     """Kernel over places: one iteration of all contacts of a grain."""
-    t, N, S, solve = types(real), neighbour_structs(real), grain_structs(real), pair_impulse_func(real)
+    t, S, solve = types(real), grain_structs(real), pair_impulse_func(real)
 
-    def solve_grain_contacts(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts,
-                             d_out: wp.array(dtype=t.vec3)):
+    def solve_grain_contacts(g: S.GrainTable, q: S.GrainContacts, d_out: wp.array(dtype=t.vec3)):
         k = wp.tid()
         m = q.count[k]
         if m == 0:
@@ -129,8 +131,7 @@ def grain_solve_kernel(real, module):
         own = g.split[k]
         rub = g.rub[k]
         given = t.vec3()
-        i = rows.point[c.order[k]]
-        w = g.w[i]
+        w = g.inverse[k]
         for s in range(m):
             slot = s * q.size + k
             other = q.other[slot]
@@ -147,6 +148,7 @@ def grain_solve_kernel(real, module):
                 new = solve(q.n[slot], q.b[slot], L, away, K, real(0.5) * (rub + g.rub[other]))
                 q.L[slot] = new
                 given += new - L
+        i = g.point[k]
         d_out[i] = d_out[i] + w * given
 
     return wp.kernel(solve_grain_contacts, name=f"grains_solve_{t.name}", module=module, enable_backward=False)

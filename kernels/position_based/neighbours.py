@@ -59,6 +59,7 @@ def neighbour_structs(real) -> SimpleNamespace:
         place: wp.array(dtype=int)         # k of particle p, (count,)
         y0: wp.array(dtype=t.vec3)         # by p [m]
         near: wp.array(dtype=t.vec3)       # y0 by k [m]
+        reach: wp.array(dtype=t.scalar)    # R by k [m]
 
     @wp.struct
     class PairLists:
@@ -195,15 +196,16 @@ def settle_kernel(real, module):
 
 @cache
 def place_kernel(real, module):
-    """Kernel over places: the place of each particle, and y0 in the order of places."""
+    """Kernel over places: the place of each particle, y0 and R in the order of places."""
     S = neighbour_structs(real)
 
-    def place_particles(c: S.CellTable):
+    def place_particles(rows: S.ParticleTable, c: S.CellTable):
         if c.flag[0] == 1:
             k = wp.tid()
             p = c.order[k]
             c.place[p] = k
             c.near[k] = c.y0[p]
+            c.reach[k] = rows.reach[p]
 
     return wp.kernel(place_particles, name=f"neighbour_place_{types(real).name}", module=module, enable_backward=False)
 
@@ -226,7 +228,7 @@ def list_kernel(real, module):
         x0 = int(wp.floor(q[0]))
         y0 = int(wp.floor(q[1]))
         z0 = int(wp.floor(q[2]))
-        far = rows.reach[p] + c.skin
+        far = c.reach[k] + c.skin
         farthest = c.edge * c.edge                       # of the largest ones
         group = rows.group[p]
         m = int(0)
@@ -239,10 +241,10 @@ def list_kernel(real, module):
                     low = number(c, x0 + b - 1, y0 + a % 3 - 1, z0 + a // 3 - 1, rows.world[p])
                     high = int(low)
                 for other in range(c.first[low], c.first[high + 1]):
-                    if other != k and wp.length_sq(c.near[other] - y) < farthest:
-                        o = c.order[other]
-                        way = far + rows.reach[o]
-                        if wp.length_sq(c.near[other] - y) < way * way and (group < 0 or rows.group[o] != group):
+                    apart = wp.length_sq(c.near[other] - y)
+                    if other != k and apart < farthest:
+                        way = far + c.reach[other]
+                        if apart < way * way and (group < 0 or rows.group[c.order[other]] != group):
                             if m < lists.room:
                                 lists.other[m * lists.size + k] = other
                             m += 1

@@ -63,69 +63,64 @@ def support_func(real):
 
 
 @cache
-def stack_gather_kernel(real, module):
-    """Kernel over places: up, what supports felt and bore, and how fast a grain would rise without contacts."""
+def stack_state_func(real):
+    """Function (rows, points, before, p, w) -> (up and gravity, felt, held) of particle p of inverse mass w, as GrainTable
+    has them."""
     t, N, S, Constants = types(real), neighbour_structs(real), grain_structs(real), point_constants(real)
 
-    def gather_stacks(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, points: Constants, before: S.GrainSupport):
-        k = wp.tid()
-        p = c.order[k]
-        i = rows.point[p]
-        gravity = points.gravity[points.object[i]]
+    @wp.func
+    def stack_state(rows: N.ParticleTable, points: Constants, before: S.GrainSupport, p: int, w: real):
+        gravity = points.gravity[points.object[rows.point[p]]]
         size = wp.length(gravity)
         up = t.vec3()
+        bears = real(0.0)
+        felt = -real(1.0)
         if size > real(0.0):
             up = -gravity / size
-        g.up[k] = t.vec4(up[0], up[1], up[2], size)
-        g.rise[k] = wp.dot(up, g.u[k])
-        felt = wp.max(before.felt[p], real(0.0))
-        part = before.part[p]
-        bears = real(0.0)
-        if size > real(0.0):
-            bears = wp.clamp(-wp.dot(up, before.load[p]) * g.w[i] / size, real(0.0), real(DEEPEST))
-        if rows.group[p] >= 0 or size == real(0.0):
-            felt = -real(1.0)
-        g.held[k] = t.vec4(felt, part, bears, before.ground[p])
+            bears = wp.clamp(-wp.dot(up, before.load[p]) * w / size, real(0.0), real(DEEPEST))
+            if rows.group[p] < 0:
+                felt = wp.max(before.felt[p], real(0.0))
+        return t.vec4(up[0], up[1], up[2], size), felt, t.vec3(before.part[p], bears, before.ground[p])
 
-    return wp.kernel(gather_stacks, name=f"grains_stacks_{t.name}", module=module, enable_backward=False)
+    return stack_state
 
 
 @cache
-def support_kernel(real, module):
-    """Kernel over places: what a grain has felt in a substep of h [s], over gravity; the part of its weight that contacts
-    with grains carried; and the load upon it [N]."""
-    t, N, S = types(real), neighbour_structs(real), grain_structs(real)
+def support_sum_func(real):
+    """Function (g, q, after, v, k, p, h) -> what a grain has felt in a substep of h [s], over gravity; the part of its weight
+    that contacts with grains carried; and the load upon it [N]: written for the next substep."""
+    t, S = types(real), grain_structs(real)
 
-    def keep_grain_support(rows: N.ParticleTable, c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, after: S.GrainSupport,
-                           v: wp.array(dtype=t.vec3), h: real):
-        k = wp.tid()
-        p = c.order[k]
-        i = rows.point[p]
+    @wp.func
+    def keep_grain_support(g: S.GrainTable, q: S.GrainContacts, after: S.GrainSupport, v: t.vec3, k: int, p: int, h: real):
         up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
         fall = g.up[k][3] * h * h
         carried = real(0.0)
         load = t.vec3()
-        ground = wp.min(g.held[k][3] + real(1.0), real(DEEPEST))
+        ground = wp.min(g.held[k][2] + real(1.0), real(DEEPEST))
         for s in range(q.count[k]):
             slot = s * q.size + k
             if q.support[slot] == 1:
                 ground = real(0.0)
-                carried += g.w[i] * wp.dot(up, q.L[slot])
+                carried += g.inverse[k] * wp.dot(up, q.L[slot])
             elif q.support[slot] == -1:
-                others = g.held[q.other[slot]]
+                other = q.other[slot]
                 L = q.L[slot]
-                weight = fall / g.w[rows.point[q.id[slot]]]            # of the other, times h^2: a blow passes on no more
-                borne = wp.length(L) / wp.max(others[1], real(1.0))
+                weight = fall / g.inverse[other]                       # of the other, times h^2: a blow passes on no more
+                size = wp.length(L)
+                borne = size / wp.max(g.held[other][0], real(1.0))
                 if borne > real(0.0):
-                    load += ((real(1.0) + others[2]) * wp.min(borne, weight) / (h * h * wp.length(L))) * L
-        after.felt[p] = real(0.0)
-        after.part[p] = real(0.0)
-        after.load[p] = load
+                    load += ((real(1.0) + g.held[other][1]) * wp.min(borne, weight) / (h * h * size)) * L
+        felt = real(0.0)
+        part = real(0.0)
         if fall > real(0.0):
-            after.felt[p] = (wp.dot(up, v[i]) * h - g.rise[k]) / fall
-            after.part[p] = carried / fall
-        if after.felt[p] <= real(HELD):
+            felt = (wp.dot(up, v) * h - g.rise[k]) / fall
+            part = carried / fall
+        if felt <= real(HELD):
             ground = real(0.0)
+        after.felt[p] = felt
+        after.part[p] = part
+        after.load[p] = load
         after.ground[p] = ground
 
-    return wp.kernel(keep_grain_support, name=f"grains_support_{t.name}", module=module, enable_backward=False)
+    return keep_grain_support

@@ -3,6 +3,7 @@ every iteration. See kernels/position_based/grains.py."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import grain_contacts as pairs
 from wsim.kernels.position_based import grains as kernels
-from wsim.kernels.position_based import stacks
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
@@ -45,7 +45,7 @@ def stands_deep(points: SearchedPoints, gravity: Any, rate: float) -> bool:
         return False
     height = float(np.ptp(points.start @ np.asarray(gravity, np.float64) / size))
     layers = max(height / (2.0 * radius), len(points.reach) ** (1.0 / 3.0))
-    return rate * np.sqrt(2.0 * radius / size) < SWEPT * layers
+    return bool(rate * np.sqrt(2.0 * radius / size) < SWEPT * layers)
 
 
 def build(b: Build) -> GrainContacts:
@@ -75,8 +75,9 @@ class GrainContacts(Method):
         friction = np.concatenate([np.tile(body.friction, (body.count, 1)) for body in self.bodies])
         self.table = fill_struct(S.GrainTable, friction=b.model.upload(friction.astype(b.model.dtype), t.vec2),
                                  w=self.points.constants.w, y=zeros(n, t.vec3), u=zeros(n, t.vec3), split=zeros(n),
-                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3), up=zeros(n, t.vec4), held=zeros(n, t.vec4),
-                                 rise=zeros(n))
+                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3), up=zeros(n, t.vec4), held=zeros(n, t.vec3),
+                                 rise=zeros(n), felt=zeros(n), inverse=zeros(n), point=zeros(n, int), fast=zeros(1, int),
+                                 deepest=zeros(1, int))
         self.structs: Any = S
         self.touched: Any = None
         self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)
@@ -88,17 +89,16 @@ class GrainContacts(Method):
         self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)
         b.state.add(self.support_part)
         makers = {"gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
-                  "contact": pairs.contact_kernel, "warm": pairs.warm_kernel, "motion": kernels.motion_kernel,
-                  "solve": kernels.grain_solve_kernel, "force": pairs.force_kernel,
-                  "stacks": stacks.stack_gather_kernel, "support": stacks.support_kernel}
+                  "contact": pairs.contact_kernel, "motion": kernels.motion_kernel, "solve": kernels.grain_solve_kernel,
+                  "force": partial(pairs.force_kernel, self.deep)}
         self.kernels = {name: make(real, launches.module) for name, make in makers.items()}
         for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
             b.status.reserve(word)
         size = n * np.dtype(b.model.dtype).itemsize
-        self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 6, 50 * size,
+        self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 4, 50 * size,
                               what=f"{n} grains"),
                         Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
-                        Stage("grain forces", "finish", self.keep, 1 + self.deep, 100 * size, what="for the next substep")]
+                        Stage("grain forces", "finish", self.keep, 1, 100 * size, what="for the next substep")]
 
     def _make_rolling(self, b: Build) -> Any:
         """Turns of grains; None where none turns."""
@@ -129,6 +129,7 @@ class GrainContacts(Method):
     def connect_ports(self, others) -> None:
         """Colliders answer the forces that grains begin with before the first iteration: it would see the lowest ones fall."""
         self.search.lists.wanted, self.touched.wanted = self.status.word(NEAR_WORD), self.status.word(TOUCH_WORD)
+        self.table.fast, self.table.deepest = self.status.word(FAST_WORD), self.status.word(DEEP_WORD)
         if others.ports.newton_sweeps is not None:
             others.ports.newton_sweeps.append(self.solve)
             self.stages = [stage for stage in self.stages if stage.name != "grains"]
@@ -145,12 +146,10 @@ class GrainContacts(Method):
         s, search = self.state, self.search
         rows, cells, lists, table, touched = search.rows, search.cells, search.lists, self.table, self.touched
         search.update(s.x, s.d)
-        self._run("gather", [rows, cells, table, s.x, s.d, self.points.anchor], [self.status.word(FAST_WORD)])
-        self._run("stacks", [rows, cells, table, self.points.constants, self.support], [])
-        self._run("overlap", [rows, cells, lists, table, self.most], [self.status.word(DEEP_WORD)])
-        self._run("apart", [rows, cells, table], [s.x])
-        self._run("contact", [rows, cells, lists, table, touched], [])
-        self._run("warm", [rows, cells, table, touched, self.forces, self.support, clock.h], [s.d])
+        self._run("gather", [rows, cells, table, self.points.constants, self.support, s.x, s.d, self.points.anchor], [])
+        self._run("overlap", [cells, lists, table, self.most], [])
+        self._run("apart", [table], [s.x])
+        self._run("contact", [cells, lists, table, touched, self.forces, self.support, clock.h], [s.d])
         if self.rolling:
             self.rolling.start(clock)
 
@@ -158,19 +157,14 @@ class GrainContacts(Method):
         """One iteration of all contacts."""
         if self.rolling:
             return self.rolling.solve(clock)
-        s, search = self.state, self.search
-        self._run("motion", [search.rows, search.cells, self.table, s.d, self.points.anchor], [])
-        self._run("solve", [search.rows, search.cells, self.table, self.touched], [s.d])
+        self._run("motion", [self.table, self.state.d, self.points.anchor], [])
+        self._run("solve", [self.table, self.touched], [self.state.d])
 
     def keep(self, clock: Clock) -> None:
         """Forces, for the next substep."""
-        search = self.search
-        self._run("force", [search.cells, self.touched, self.forces, clock.h], [])
+        self._run("force", [self.search.cells, self.table, self.touched, self.forces, self.support, self.state.v, clock.h], [])
         if self.rolling:
             self.rolling.keep(clock)
-        if self.deep:
-            tables = [search.rows, search.cells, self.table, self.touched, self.support]
-            self._run("support", [*tables, self.state.v, clock.h], [])
 
     def _run(self, name: str, inputs: list, outputs: list) -> None:
         self.launches.launch(self.kernels[name], self.count, inputs, outputs)

@@ -82,7 +82,8 @@ class NeighbourSearch:
         self.cells = fill_struct(S.CellTable, edge=edge, n=wp.vec3i(*map(int, n)), size=size, skin=skin,
                                  flag=zeros(1, int), count=zeros(worlds * size + 1, int), rank=zeros(self.count, int),
                                  first=zeros(worlds * size + 2, int), order=zeros(self.count, int),
-                                 place=zeros(self.count, int), y0=zeros(self.count, t.vec3), near=zeros(self.count, t.vec3))
+                                 place=zeros(self.count, int), y0=zeros(self.count, t.vec3), near=zeros(self.count, t.vec3),
+                                 reach=zeros(self.count))
         self.forget()
         self.structs = S
         self.lists: Any = None
@@ -120,7 +121,7 @@ class NeighbourSearch:
         self._run("order", n, [cells])
         if self.launches.cuda:
             self._run("settle", len(cells.count), [cells])
-        self._run("place", n, [cells])
+        self._run("place", n, [self.rows, cells])
         self._run("list", n, [self.rows, cells, lists])
 
     def _run(self, name: str, count: int, inputs: list) -> None:
