@@ -26,7 +26,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact import collide
-from wsim.kernels.contact.collider.colliders import collider_frame_funcs
+from wsim.kernels.contact.collider.colliders import collider_frame_funcs, plane_is_far
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, contact_tables, read_type, slot_type
 from wsim.kernels.math.marks import owns_points
@@ -257,7 +257,7 @@ def point_contact_search_func(kinds: tuple[str, ...], real, broad: bool = False,
                     row = first + j
                     if broad:
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
-                    if not ball_is_reachable(c.ball[k, row], x0, bound):
+                    if plane_is_far(c, k, row, x0, bound) or not ball_is_reachable(c.ball[k, row], x0, bound):
                         continue
                     now = wp.vec4i(row, i, k, at[2])
                     count, sunk, carried = meet_row(c, points, s, now, count, wp.matrix_from_rows(x0, d0, carried), push)

@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.contact.collider.shape import PLANE
 from wsim.kernels.math.real import types
 
 
@@ -38,6 +39,19 @@ def collider_type(real):
 def into_pose_frame(T: Any, x: Any):
     """A place in the frame of a pose."""
     return wp.quat_rotate_inv(wp.transform_get_rotation(T), x - wp.transform_get_translation(T))
+
+
+@wp.func
+def plane_is_far(c: Any, k: int, row: int, x: Any, bound: Any):
+    """Whether a point at x does not come near a plane in substep k, which may be moved then, but not turned. c: rows with their
+    table `of`; bound: twice the point's way, and what it keeps from planes [m]. False of another collider."""
+    if c.of.kind[row] != PLANE:
+        return False
+    turn = wp.transform_get_rotation(c.of.step[k, row])
+    if turn[0] != type(x[0])(0.0) or turn[1] != type(x[0])(0.0) or turn[2] != type(x[0])(0.0):
+        return False
+    way = c.of.thick[row] + c.stride[k, row] + wp.length(wp.transform_get_translation(c.of.step[k, row]))
+    return into_pose_frame(c.of.pose[k + 1, row], x)[2] > bound + way
 
 
 @cache
