@@ -145,10 +145,10 @@ class NeighbourSearch:
 
 
 def _cells_along_axes(start: np.ndarray, edge: float, count: int) -> np.ndarray:
-    """Cells along each axis, powers of two: FILLED for each particle or more together, in the proportions of where particles
-    are at the start."""
+    """Cells along each axis, powers of two: FILLED for each particle or more together, in the proportions of the layers of
+    cells that have particles at the start, however far apart these are."""
     n = np.full(3, LEAST)
-    across = np.maximum(np.ptp(start, axis=0), edge) / edge
+    across = np.array([len(np.unique(layers)) for layers in np.floor(start / edge).T])
     while np.prod(n) < FILLED * count:
         n[np.argmax(across / n)] *= 2
     return n
