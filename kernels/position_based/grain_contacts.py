@@ -190,11 +190,30 @@ def pair_listing_func(real):
 
 
 @cache
+def force_before_func(real):
+    """Function (before, q, p, o, first) -> (entry, force on p by o [N]) of the substep before, from entry `first` on; or 0."""
+    t, S = types(real), grain_structs(real)
+
+    @wp.func
+    def force_before(before: S.GrainForces, q: S.GrainContacts, p: int, o: int, first: int):
+        e = int(first)
+        f = t.vec3()
+        while e < q.room and before.id[e * q.size + p] >= 0 and before.id[e * q.size + p] < o:
+            e += 1
+        if e < q.room and before.id[e * q.size + p] == o:
+            f = before.f[e * q.size + p]
+        return e, f
+
+    return force_before
+
+
+@cache
 def contact_kernel(real, module):
     """Kernel over places: contacts, their normals and gaps, and the impulses that the forces of the substep before give in this
     one; h [s]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
-    support, solve, listing = support_func(real), pair_impulse_func(real), pair_listing_func(real)
+    support, solve = support_func(real), pair_impulse_func(real)
+    listing, force_before = pair_listing_func(real), force_before_func(real)
 
     def start_grain_contacts(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
                              support_before: S.GrainSupport, h: real, d_out: wp.array(dtype=t.vec3)):
@@ -213,19 +232,15 @@ def contact_kernel(real, module):
         old = int(0)
         for s in range(listing(c, lists, g, q, k)):
             slot = s * q.size + k
-            o = q.id[slot]
             other = q.other[slot]
-            n, D = normal(y - g.y[other], p, o)
+            n, D = normal(y - g.y[other], p, q.id[slot])
             held = support(wp.dot(up, n), felt, g.felt[other])
-            L = t.vec3()
-            while old < q.room and before.id[old * q.size + p] >= 0 and before.id[old * q.size + p] < o:
-                old += 1
-            if old < q.room and before.id[old * q.size + p] == o:
-                L = (h * h) * before.f[old * q.size + p]
-                if held == 1:
-                    L *= real(1.0) / wp.max(part, real(1.0 / MORE))
-                mu = real(0.5) * (rub + g.rub[other])
-                L = solve(n, real(0.0), L, t.vec3(), real(1.0), mu)      # cut to the cone of friction: nothing has moved
+            old, f = force_before(before, q, p, q.id[slot], old)
+            L = (h * h) * f
+            if held == 1:
+                L *= real(1.0) / wp.max(part, real(1.0 / MORE))
+            mu = real(0.5) * (rub + g.rub[other])
+            L = solve(n, real(0.0), L, t.vec3(), real(1.0), mu)          # cut to the cone of friction: nothing has moved
             R = c.reach[k] + c.reach[other]
             gap = D - R
             b = wp.max(gap, real(0.0))
@@ -243,8 +258,7 @@ def contact_kernel(real, module):
         if not carried and ground >= real(SETTLED):
             rested = wp.min(ground / wp.max(part, real(1.0)), real(1.0))
             given += (rested * h * h) * support_before.load[p]
-        i = g.point[k]
-        d_out[i] = d_out[i] + g.inverse[k] * given
+        d_out[g.point[k]] = d_out[g.point[k]] + g.inverse[k] * given
         g.split[k] = pressed * g.inverse[k]
 
     return wp.kernel(start_grain_contacts, name=f"grains_contact_{t.name}", module=module, enable_backward=False)

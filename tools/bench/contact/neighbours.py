@@ -1,10 +1,13 @@
 """Sorted cells, Warp's hash grid and Warp's tree: python -m tools.bench.contact.neighbours [--count 20000] [--device cpu]
 
-Who is within R_i + R_j + s, of particles of radius 4 mm and a skin s of 0.3 diameters, in five scenes. make: lists of neighbours
-are made anew. use: a pass over all pairs, as an iteration makes it (the sum of overlaps): from lists, or straight from the grid
-without lists. missed: pairs of the list that a k-d tree in float64 finds and the list lacks (both ways are counted; on a GPU, and
-above 100 000 particles, compare the numbers of pairs). Least of several runs, processor time on a CPU.
+Who is within R_i + R_j + s, of particles of radius 4 mm and a skin s of 0.3 diameters, in five scenes. make: lists of
+neighbours are made anew. use: a pass over all pairs, as an iteration makes it (the sum of overlaps): from lists, or straight
+from the grid without lists. missed: pairs that a k-d tree in float64 finds and the list lacks (both ways are counted; above
+100 000 particles compare the numbers of pairs). Least of several runs, processor time on a CPU.
 """
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
 
 import argparse
 import time
@@ -80,7 +83,8 @@ def list_from_tree(tree: wp.uint64, x: wp.array(dtype=wp.vec3), reach: wp.array(
 
 
 @wp.kernel
-def boxes(x: wp.array(dtype=wp.vec3), reach: wp.array(dtype=float), low: wp.array(dtype=wp.vec3), high: wp.array(dtype=wp.vec3)):
+def boxes(x: wp.array(dtype=wp.vec3), reach: wp.array(dtype=float), low: wp.array(dtype=wp.vec3),
+          high: wp.array(dtype=wp.vec3)):
     p = wp.tid()
     low[p] = x[p] - wp.vec3(reach[p])
     high[p] = x[p] + wp.vec3(reach[p])
@@ -169,7 +173,8 @@ def compare(name: str, x: np.ndarray, reach: np.ndarray, device: wp.Device) -> N
     order = cells.order.numpy()
     lost = str(missed_pairs(x, reach, lists.count.numpy(), order[lists.other.numpy()].reshape(ROOM, n), order)
                if n <= MOST else "")
-    print(f"{name:26} {n:8} sorted cells  make {make:8.2f}  kept {kept:6.3f}  use {use:7.3f} ms  pairs {pairs:9}  missed {lost}")
+    print(f"{name:26} {n:8} sorted cells  make {make:8.2f}  kept {kept:5.2f}  use {use:7.3f} ms  pairs {pairs:9}  missed "
+          f"{lost}")
 
     most, wide = float(reach.max()), 2.0 * float(reach.max()) + SKIN
     dim = 128 if n > MOST else 64

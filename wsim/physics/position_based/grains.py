@@ -88,9 +88,10 @@ class GrainContacts(Method):
         self.support_part.rows = _rows_of_bodies(self.bodies)
         self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)
         b.state.add(self.support_part)
-        makers = {"gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
-                  "contact": pairs.contact_kernel, "motion": kernels.motion_kernel, "solve": kernels.grain_solve_kernel,
-                  "force": partial(pairs.force_kernel, self.deep)}
+        makers: dict[str, Any] = {
+            "gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
+            "contact": pairs.contact_kernel, "motion": kernels.motion_kernel, "solve": kernels.grain_solve_kernel,
+            "force": partial(pairs.force_kernel, self.deep)}
         self.kernels = {name: make(real, launches.module) for name, make in makers.items()}
         for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
             b.status.reserve(word)
