@@ -150,7 +150,7 @@ def roll_solve_kernel(real, module):
 
 @cache
 def roll_warm_kernel(real, module):
-    """Kernel over places, behind `warm_kernel`: torques of the substep before, and what impulses and they turn; h [s]."""
+    """Kernel over places, behind `contact_kernel`: torques of the substep before, and what impulses and they turn; h [s]."""
     t, N, S, Pairs, Roll = types(real), neighbour_structs(real), grain_structs(real), rolling_type(real), roll_type(real)
     mean = roll_mean_func(real)
 
