@@ -31,6 +31,9 @@ def warn_steps(plan, fps: float | None = None) -> list[str]:
     if has_sheets(scene) and steps > DEAR * scene.substeps:
         from wsim.scene.check.slivers import warn_of_slivers
         late += map(str, warn_of_slivers(scene, steps))
+    if scene.things("Particles"):
+        from wsim.simulation.predicted.sweep_strain import warn_of_loaded_strain
+        late += warn_of_loaded_strain(plan.model, plan.choice)
     if not plan.fits:
         late.append(f"warning: /: {steps} substeps a frame: a graph of them would take {plan.recorded() / 2**30:.2g} GiB, more "
                     "than half of what is free; they are launched one by one, which takes longer; give fewer")

@@ -183,3 +183,37 @@ def test_a_hundred_grains_in_one_place_beside_others_go_on_from_a_file_to_the_bi
     third.run(3)
     assert np.isfinite(first.positions("/p")).all() and np.array_equal(first.positions("/p"), third.positions("/p"))
     assert any("grains overlap" in str(w) for w in first.warnings)
+
+
+def loaded(kind, ratio, **more):
+    """Sixteen grains on a cloth or a net of 8 x 8 cells that is held at its edge; ratio: of their mass to that of a point."""
+    scene, n = Scene(fps=60, substeps=8, iterations=4, **more), 9
+    k = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), -1).reshape(-1, 2)
+    held = np.flatnonzero((k % (n - 1) == 0).any(axis=1))
+    if kind == "cloth":
+        points, counts, indices = shapes.sheet(0.16, 0.16, 8, 8, horizontal=True)
+        other = scene.cloth("/other", points, counts, indices, masses=np.full(n * n, 2e-3), material=Fabric(2e4, damping=0.0))
+        held = np.flatnonzero(np.abs(points[:, [0, 2]]).max(axis=1) > 0.079)
+    else:
+        edges = [(i, j) for i in range(n * n) for j in range(i) if np.abs(k[i] - k[j]).sum() == 1]
+        places = np.stack([0.02 * (k[:, 0] - 4), 0.0 * k[:, 0] - 0.004, 0.02 * (k[:, 1] - 4)], axis=1)
+        other = scene.net("/other", places, edges, [1e5] * len(edges), [2e-3] * (n * n), radius=0.004)
+    scene.pin("/pin", other, held)
+    q = np.stack(np.meshgrid(np.arange(4), [0], np.arange(4), indexing="ij"), -1).reshape(-1, 3)
+    scene.particles("/p", points=2.1 * R * (q - [1.5, 0, 1.5]) + [0.003, 0.0115, 0.002], radius=R,
+                    material=Grains(density=ratio * 2e-3 / (4 / 3 * np.pi * R**3)))
+    return scene
+
+
+@pytest.mark.parametrize(("kind", "ratio", "said"), [("cloth", 5, ""), ("cloth", 300, "implicit"), ("net", 10, ""),
+                                                     ("net", 100, "give 32 substeps")])
+def test_sweeps_that_a_load_is_too_heavy_for_are_warned_of(kind, ratio, said):
+    """Where a net lets its grains through, a warning has said so; with the substeps that it asks for they stay on it."""
+    scene = loaded(kind, ratio, solver="xpbd" if kind == "cloth" else "auto")
+    found = [w for w in wsim.Simulation(scene, device="cpu").warnings if "leave it strained" in w]
+    assert len(found) == bool(said) and all(said in w and "fix: give" in w and len(w) < 300 for w in found)
+    if kind == "net":
+        scene.substeps = 32 if said else 8
+        simulation = wsim.Simulation(scene, device="cpu")
+        simulation.run(45)
+        assert simulation.positions("/p")[:, 1].min() > -0.02 and not simulation.warnings

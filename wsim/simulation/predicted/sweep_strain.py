@@ -19,6 +19,8 @@ Measured over this: 0.74 in a seam below a pinned edge (membranes, one sweep; fo
 hold, 0.25); 0.7 to 1 in the collar of a shirt of 6436 points, 96 to 384 substeps x 1, where fewer edges carry more.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from wsim.geometry import topology
@@ -28,6 +30,8 @@ from wsim.scene.integrator import TABLE, Integrator
 from wsim.scene.methods import has_tets
 
 LOADED = 0.1           # strain that sweeps may leave in a cloth under particles, by the estimate; measured: 2 times as much
+DOUBLED = 10           # times that substeps are doubled in a warning, at most
+OPENED = 0.03          # the same of a net: at 0.05 two nets let their grains through, at 0.03 they held
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
@@ -82,15 +86,58 @@ def solver_for_particles(model: Model) -> tuple[str, Integrator, str]:
     return ("implicit" if scene.solver == "implicit" else "xpbd"), euler, "constraints move particles"
 
 
-def strain_under_particles(model: Model) -> tuple[str, float]:
-    """(path, strain) of the cloth in which the scene's sweeps leave most, if all particles lie on it: g q h^2 / iterations,
-    with their mass in q. ("", 0) where there is none."""
-    scene, pinned, found = model.scene, hard_places(model), ("", 0.0)
+def strain_under_particles(model: Model, h: float = 0.0, iterations: int = 0) -> tuple[str, float]:
+    """(path, strain) of the cloth in which sweeps leave most, if all particles lie on it: g q h^2 / iterations, with their mass
+    in q, times what damping slows sweeps by, 1 + tau / h. h, iterations: of the scene where they are 0. ("", 0) where there is
+    no cloth."""
+    scene, pinned = model.scene, hard_places(model)
+    h, iterations = h or 1.0 / (scene.fps * scene.substeps), iterations or scene.iterations
+    return max(((body.path, strain) for body, strain in _loaded_strains(model, h, iterations, pinned) if body.source.is_sheet),
+               key=lambda found: found[1], default=("", 0.0))
+
+
+def _loaded_strains(model: Model, h: float, iterations: int, pinned: np.ndarray) -> Iterator[tuple[PointBody, float]]:
+    """Bodies of the first world that have triangles or springs, each with the strain that sweeps leave under all particles."""
     own = [b for b in model.bodies if b.world == 0]
-    load = sum(float(b.masses.sum()) for b in own if b.source.is_particles)
-    h = 1.0 / (scene.fps * scene.substeps)
-    for body in (b for b in own if b.source.is_sheet and len(b.triangles)):
-        size = float(np.ptp(body.rest, axis=0).max())
-        q = slenderness_of_cloth(body, pinned, size) * (1.0 + load / float(body.masses.sum()))
-        found = max(found, (body.path, float(np.linalg.norm(scene.gravity)) * q * h * h / scene.iterations), key=lambda f: f[1])
+    load, g = sum(float(b.masses.sum()) for b in own if b.source.is_particles), float(np.linalg.norm(model.scene.gravity))
+    taus: dict[str, float] = {}
+    for r in model.constraints:
+        if r.body is not None:
+            taus[r.body.path] = max(taus.get(r.body.path, 0.0), r.tau)
+    for body in own:
+        if load > 0.0 and (body.source.is_sheet and len(body.triangles) or body.source.is_net and len(body.edges)):
+            size = float(np.ptp(body.rest, axis=0).max())
+            q = slenderness_of_cloth(body, pinned, size) if body.source.is_sheet else slenderness_of_net(body, pinned, size)
+            q *= 1.0 + load / float(body.masses.sum())
+            yield body, g * q * h * h / iterations * (1.0 + taus.get(body.path, 0.0) / h)
+
+
+def slenderness_of_net(body: PointBody, pinned: np.ndarray, size: float) -> float:
+    """q [1/m] of a net whose springs share a square of its size L evenly: a spring of length l carries the width
+    2 L^2 / sum(l) of a cut through it, L at most."""
+    w = np.divide(1.0, body.masses, out=np.zeros(body.count), where=body.masses > 0.0)
+    w[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = 0.0
+    a, b = (body.edges - body.first).T
+    length = np.linalg.norm(body.rest[b] - body.rest[a], axis=1)
+    width = min(2.0 * size * size / max(float(length.sum()), 1e-30), size)
+    found = (w[a] + w[b]) * np.divide(width, length, out=np.zeros(len(length)), where=length > 0.0)
+    return float(body.masses.sum()) / size * float(found.max(initial=0.0))
+
+
+def warn_of_loaded_strain(model: Model, choice) -> list[str]:
+    """A warning for each cloth or net that the sweeps of a `wsim.simulation.choice.SchemeChoice` leave strained by more than
+    LOADED under all particles, (of a net: OPENED), with the substeps that leave that."""
+    if choice.solver != "xpbd" or not any(b.source.is_particles for b in model.bodies):
+        return []
+    fps, pinned, found = model.scene.fps, hard_places(model), []
+    strains = {n: {b.path: (b, strain) for b, strain in _loaded_strains(model, 1.0 / (fps * n), choice.iterations, pinned)}
+               for n in (choice.substeps * 2**k for k in range(DOUBLED))}
+    for path, (body, strain) in strains[choice.substeps].items():
+        most = LOADED if body.source.is_sheet else OPENED
+        if strain > most:
+            enough = next((n for n, of in strains.items() if of[path][1] <= most), 0)
+            fixes = ['solver="implicit" (in USD wsim:solver)'] * body.source.is_sheet + [f"{enough} substeps"] * bool(enough)
+            found.append(f"warning: {path}: {choice.substeps} substeps of {choice.iterations} iterations leave it strained by "
+                         f"about {strain:.2g} if all particles lie on it; expected: {most:g} or less; fix: give "
+                         f"{' or '.join([*fixes, 'lighter particles'])}")
     return found
