@@ -45,9 +45,9 @@ def lathe(profile, sides: int = 32, closed: bool = False, turn: float = 2.0 * np
 def camera(at, turn: float, tilt: float) -> str:
     """A camera at a place [m], turned to the left and tilted [degrees] from looking along -z."""
     return block("Camera", "View", f"float focalLength = 35\nfloat horizontalAperture = 36\nfloat verticalAperture = 20.25\n"
-                 f"double3 xformOp:translate = ({', '.join(number(v) for v in at)})\nfloat3 xformOp:rotateYXZ = "
+                 f"double3 xformOp:translate = ({', '.join(number(v) for v in at)})\nfloat3 xformOp:rotateXYZ = "
                  f"({number(tilt)}, {number(turn)}, 0)\n"
-                 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateYXZ"]')
+                 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]')
 
 
 def snowball() -> str:
