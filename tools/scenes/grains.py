@@ -206,7 +206,7 @@ def sand_shovel() -> str:
                  "them: few substeps would let them overlap."),
         pile, shovel, solid("Cube", "Wall", placed((0.22, 0.0, -0.26), (0.25, 0.16, 0.26)), (0.5, 0.3, 0.24),
                             "What the heap leans against."),
-        ground(), camera((0.42, 0.72, 0.78), 34.0, -36.0)], frames=96)
+        ground(), camera((0.48, 0.79, 0.88), 34.0, -36.0)], frames=96)
 
 
 def beads_in_bowl() -> str:
