@@ -53,6 +53,7 @@ def star_structs(of):
         slip: wp.array(dtype=t.vec3)
         mu: wp.array(dtype=of)
         f: wp.array(dtype=of)
+        soft: wp.array(dtype=of)                  # 1 / (1 + a) of balls that turn (rolling_law.py), 1 of others; or none
 
     @wp.struct
     class StarHubs:
@@ -66,8 +67,9 @@ def star_structs(of):
 
 
 @cache
-def star_impulse_func(of):
-    """Function: P of contact s and its derivative by U, where the body gives the place U."""
+def star_impulse_func(of, rolling: bool = False):
+    """Function: P of contact s and its derivative by U, where the body gives the place U. rolling: friction turns balls, too,
+    and stops the part `soft` of their slip."""
     Rows, _ = star_structs(of)
 
     @wp.func
@@ -86,15 +88,19 @@ def star_impulse_func(of):
         if mu > real(0.0) and lam > real(0.0):
             across = wp.identity(n=3, dtype=real) - wp.outer(n, n)
             slide = across * (vec3(rows.slip[s]) - g * U)
+            stopped = g
+            if wp.static(rolling):
+                slide = real(rows.soft[s]) * slide
+                stopped = real(rows.soft[s]) * g
             size = wp.length(slide)
             bound = mu * lam
             if size <= bound:
                 P = P - slide
-                slope = slope + g * across
+                slope = slope + stopped * across
             else:
                 way = slide / size
                 P = P - bound * way
-                slope = slope - (mu * k) * wp.outer(way, n) + (bound * g / size) * (across - wp.outer(way, way))
+                slope = slope - (mu * k) * wp.outer(way, n) + (bound * stopped / size) * (across - wp.outer(way, way))
         return P, slope
 
     return star_impulse_and_slope
@@ -155,10 +161,10 @@ def inertia_and_inverse(R: mat33, inverse: vec3):
 
 
 @cache
-def star_sum_func(of):
+def star_sum_func(of, rolling: bool = False):
     """Function: the part of lane `lane` of the sums at V = (v, o)."""
     Rows, _ = star_structs(of)
-    formula = star_impulse_func(of)
+    formula = star_impulse_func(of, rolling)
 
     @wp.func
     def sum_star_contacts(rows: Rows, body: int, lane: int, lanes: int, k: real, g: real, v: vec3, o: vec3):
@@ -184,12 +190,12 @@ def star_sum_func(of):
 
 
 @cache
-def star_solve_func(of):
+def star_solve_func(of, rolling: bool = False):
     """Function (rows, hubs, body, at, kg, v0, o0): V from the guess v0, o0 on, and what is left of F as a part of the impulses
     or of what it began with. at: lane, lanes and warps of the team of threads that solves, and its number in the block. kg: k,
     g, and F^2 that counts as nothing [J / 2]."""
     Rows, Hubs = star_structs(of)
-    part_of = star_sum_func(of)
+    part_of = star_sum_func(of, rolling)
 
     @wp.func
     def solve_star(rows: Rows, hubs: Hubs, body: int, at: wp.vec4i, kg: vec3, v0: vec3, o0: vec3):
@@ -242,12 +248,12 @@ def star_solve_func(of):
 
 
 @cache
-def star_solve_kernel(of, module):
+def star_solve_kernel(of, module, rolling: bool = False):
     """Kernel over bodies times lanes: V of each, (velocity, then spin), and what is left of F, see `star_solve_func`. k, g: of
     `star_impulse_func`
     [s]."""
     Rows, Hubs = star_structs(of)
-    solve = star_solve_func(of)
+    solve = star_solve_func(of, rolling)
 
     def solve_all_stars(rows: Rows, hubs: Hubs, k: real, g: real, lanes: int, V_out: wp.array(dtype=vec3),
                         left_out: wp.array(dtype=of)):

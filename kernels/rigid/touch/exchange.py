@@ -52,9 +52,9 @@ def star_energy_funcs(real):
 
 
 @cache
-def star_contact_funcs(real):
+def star_contact_funcs(real, rolling: bool = False):
     """(gather, tell): functions of contact m. gather: its row of a star; tell: its plane and the speed of its surface, where
-    the body goes by V, (v, o)."""
+    the body goes by V, (v, o). rolling: balls turn (kernels/position_based/rolling_law.py)."""
     t, (_, Found, Points), Rows, Slots = types(real), touch_structs(real), stars(real)[0], project.slot_type(real)
     Table = project.contact_tables(real)[0]
 
@@ -74,6 +74,11 @@ def star_contact_funcs(real):
         rows_out.least[m] = real(0.0)
         rows_out.slip[m] = (d0 - p.a[i]) - p.g * found.u[m]
         rows_out.mu[m] = bound
+        if wp.static(rolling):
+            kappa = found.roll.own[i][0]
+            rows_out.soft[m] = real(1.0) / (real(1.0) + kappa)
+            if kappa > real(0.0):
+                rows_out.slip[m] = rows_out.slip[m] + wp.cross(n, found.roll.phi[i]) - kappa * (P - lam * n)
         if project.is_tied_slot(s, j):
             rows_out.least[m] = real(-wp.static(PULL))
             rows_out.mu[m] = real(0.0)
@@ -92,7 +97,7 @@ def star_contact_funcs(real):
 
 
 @cache
-def star_body_funcs(real):
+def star_body_funcs(real, rolling: bool = False):
     """(hub, take): functions of body i. hub: momentum without what points have given, less that which V = 0 is counted from;
     given: 1, or 0 for impulses that come on top. take: its momenta, less what points have got beyond `total`; at: see
     `star.solving`; still: 1 for impulses that change no place."""
@@ -107,11 +112,21 @@ def star_body_funcs(real):
         out.q[n + i] = double_vec3(rig.now.L[i]) + given * found.total[n + i] - at
 
     @wp.func
+    def ball_torque(found: Found, j: int):
+        """Torque of rolling on the ball of slot j, over its mass and times g [m^2]."""
+        own = found.roll.own[j % found.roll.own.shape[0]]
+        torque = wp.vec3d()
+        if own[0] > real(0.0):
+            torque = double_vec3(own[2] * found.roll.q[j])
+        return torque
+
+    @wp.func
     def subtract_point_impulses(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, i: int, at: wp.vec4i,
                                 rig: Rig):
         bodies = rig.b.w.shape[0]
         J = wp.vec3d()
         T = wp.vec3d()
+        turned = wp.vec3d()
         m = rows.first[i] + at[0]
         while m < rows.first[i + 1]:
             P = wp.float64(rows.f[m]) * double_vec3(push[rows.slot[m]])
@@ -119,8 +134,13 @@ def star_body_funcs(real):
                 P = wp.float64(found.q[rows.slot[m]]) * double_vec3(rows.n[m])
             J += P
             T += wp.cross(double_vec3(rows.r[m]), P)
+            if wp.static(rolling):
+                turned += wp.float64(rows.f[m]) * ball_torque(found, rows.slot[m])
             m += at[1]
         J, T = sum_team(J, T, at[2], at[3])
+        if wp.static(rolling):
+            if still == 0:
+                turned, _none = sum_team(turned, wp.vec3d(), at[2], at[3])
         if at[0] == 0 and rows.first[i + 1] > rows.first[i]:
             p = double_vec3(rig.now.p[i]) - J
             L = double_vec3(rig.now.L[i]) - T
@@ -130,6 +150,9 @@ def star_body_funcs(real):
             else:
                 p += found.total[i]
                 L += found.total[bodies + i]
+                if wp.static(rolling):
+                    L += found.rolled[i] - turned
+                    found.rolled[i] = turned
                 found.total[i] = J
                 found.total[bodies + i] = T
                 if wp.dot(J, J) > wp.float64(0.0):
@@ -141,10 +164,10 @@ def star_body_funcs(real):
 
 
 @cache
-def star_row_kernel(real, module):
+def star_row_kernel(real, module, rolling: bool = False):
     """Kernel over the room for contacts: their rows of a star."""
     (_, Found, Points), Rows, Slots, own = (touch_structs(real), stars(real)[0], project.slot_type(real),
-                                            star_contact_funcs(real)[0])
+                                            star_contact_funcs(real, rolling)[0])
     Table = project.contact_tables(real)[0]
 
     def touch_gather(c: Table, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
@@ -182,9 +205,10 @@ def contact_plane_kernel(real, module):
 
 
 @cache
-def point_impulse_kernel(real, module):
+def point_impulse_kernel(real, module, rolling: bool = False):
     """Kernel over bodies times lanes, see `star_body_funcs`."""
-    t, Found, Rows, Rig, own = types(real), touch_structs(real)[1], stars(real)[0], rig_type(real), star_body_funcs(real)[1]
+    t, Found, Rows, Rig, own = (types(real), touch_structs(real)[1], stars(real)[0], rig_type(real),
+                                star_body_funcs(real, rolling)[1])
 
     def touch_take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, lanes: int, rig: Rig):
         tid = wp.tid()

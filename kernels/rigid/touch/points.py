@@ -27,6 +27,7 @@ import warp as wp
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate_rotation, multiply_rotations, rotate_vector, unit_quaternion
+from wsim.kernels.position_based.rolling_law import roll_type
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.motion import double_quat, double_vec3, free_rotor_step
 from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
@@ -35,7 +36,7 @@ from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
 @cache
 def touch_structs(real):
     """(Shapes, Found, Points)."""
-    t = types(real)
+    t, Roll = types(real), roll_type(real)
 
     @wp.struct
     class BodyShapeRows:
@@ -60,6 +61,8 @@ def touch_structs(real):
         ahead: wp.array(dtype=wp.vec3d)           # of bodies: velocity and spin that contacts were found with, (2 bodies,)
         total: wp.array(dtype=wp.vec3d)           # impulse that points have got of a body, and its moment, (2 bodies,)
         still: wp.array(dtype=wp.vec3d)           # the same of impulses that change no place
+        roll: Roll                                # balls that turn, where some do
+        rolled: wp.array(dtype=wp.vec3d)          # torque of rolling that balls have got of a body, (bodies,)
 
     @wp.struct
     class TouchingPoints:
@@ -141,9 +144,9 @@ def contact_key_kernel(real, module):
 
 
 @cache
-def touch_begin_funcs(real):
+def touch_begin_funcs(real, rolling: bool = False):
     """(ahead, found): functions of body i: velocity and spin that contacts are found with, and nothing is given yet; of contact
-    m: its arm, and the plane as it was found."""
+    m: its arm, and the plane as it was found. rolling: arms of balls that turn lead to where they touch."""
     t, (Shapes, Found, Points), Rows = types(real), touch_structs(real), stars(real)[0]
     Slots, Rig = project.slot_type(real), rig_type(real)
 
@@ -154,6 +157,8 @@ def touch_begin_funcs(real):
         out.ahead[n + i] = wp.mat33d(rig.work.spread[i]) * double_vec3(rig.now.L[i])
         out.total[i] = wp.vec3d()
         out.total[n + i] = wp.vec3d()
+        if wp.static(rolling):
+            out.rolled[i] = wp.vec3d()
         out.still[i] = wp.vec3d()
         out.still[n + i] = wp.vec3d()
 
@@ -165,6 +170,9 @@ def touch_begin_funcs(real):
         n = s.n[j]
         center = shapes.begin[body] - shapes.object[p.object[i]] + double_vec3(rig.now.x[body])
         r = (double_vec3(p.x[i]) - center) + (double_vec3(p.e[i]) - double_vec3(rig.now.e[body]))
+        if wp.static(rolling):
+            if out.roll.own[i][0] > real(0.0):
+                r -= double_vec3(out.roll.own[i][2] * n)
         rows_out.n[m] = n
         rows_out.r[m] = t.vec3(real(r[0]), real(r[1]), real(r[2]))
         out.b[m] = s.b[j]
@@ -175,9 +183,9 @@ def touch_begin_funcs(real):
 
 
 @cache
-def touch_begin_kernel(real, module):
+def touch_begin_kernel(real, module, rolling: bool = False):
     """Kernel over bodies, see `touch_begin_funcs`."""
-    Found, Rig, own = touch_structs(real)[1], rig_type(real), touch_begin_funcs(real)[0]
+    Found, Rig, own = touch_structs(real)[1], rig_type(real), touch_begin_funcs(real, rolling)[0]
 
     def touch_begin(rig: Rig, out: Found):
         own(rig, wp.tid(), out)
@@ -186,9 +194,9 @@ def touch_begin_kernel(real, module):
 
 
 @cache
-def found_contact_kernel(real, module):
+def found_contact_kernel(real, module, rolling: bool = False):
     """Kernel over the room for contacts, see `touch_begin_funcs`."""
-    (Shapes, Found, Points), Rows, own = touch_structs(real), stars(real)[0], touch_begin_funcs(real)[1]
+    (Shapes, Found, Points), Rows, own = touch_structs(real), stars(real)[0], touch_begin_funcs(real, rolling)[1]
     Slots, Rig = project.slot_type(real), rig_type(real)
 
     def touch_found(shapes: Shapes, rig: Rig, s: Slots, p: Points, rows_out: Rows, out: Found):

@@ -24,6 +24,7 @@ from wsim.kernels.contact import project
 from wsim.kernels.math import block
 from wsim.kernels.math.real import types
 from wsim.kernels.math.team import any_of, block_prefix_count, split_into_teams, team_barrier
+from wsim.kernels.position_based.rolling_walls import rolling_point_func
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.kinds import ConstraintKind
 from wsim.kernels.rigid.motion import double_vec3
@@ -63,11 +64,11 @@ def world_type(real):
 
 
 @cache
-def touch_list_kernel(real, threads: int, module):
+def touch_list_kernel(real, threads: int, module, rolling: bool = False):
     """Kernel over threads of worlds, behind a search: points that touch something, contacts in the order of bodies, points and
     slots, arms and planes. phase: 0 where there is one world; else 1, which counts, and 2, which lists."""
     Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
-    ahead, found = touch_begin_funcs(real)
+    ahead, found = touch_begin_funcs(real, rolling)
     together = block.no_barrier if threads == 1 else block.block_barrier
 
     @wp.func
@@ -169,12 +170,12 @@ def star_aim_func(real):
 
 
 @cache
-def star_round_funcs(real):
+def star_round_funcs(real, rolling: bool = False):
     """(foresee, reached): functions of body i: the star, by a team; whether the body has the momenta that the star has
     foreseen, or those before the round. first: 1 in the first round."""
     Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
     Table = project.contact_tables(real)[0]
-    (gather, tell), (hub, _), solve = star_contact_funcs(real), star_body_funcs(real), star_solve_func(real)
+    (gather, tell), (hub, _), solve = star_contact_funcs(real, rolling), star_body_funcs(real), star_solve_func(real, rolling)
     (energy, weight), near, aim = star_energy_funcs(real), NEAR[real] ** 2, star_aim_func(real)
 
     @wp.func
@@ -217,10 +218,11 @@ def star_round_funcs(real):
 
 
 @cache
-def world_point_func(real, threads: int):
+def world_point_func(real, threads: int, rolling: bool = False):
     """Function of a thread of a world: contacts of its points, once; 1 where a point of several has moved."""
     Worlds, Slots, Points = world_type(real), project.slot_type(real), touch_structs(real)[2]
     (Table, Reach), projected, near = project.contact_tables(real), project.point_projection_func(real), NEAR[real] ** 2
+    turning = rolling_point_func(real)
 
     @wp.func
     def project_world_points(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, w: int, lane: int):
@@ -228,7 +230,10 @@ def world_point_func(real, threads: int):
         for k in range(w * W.points + lane, w * W.points + W.many[w], wp.static(threads)):
             i = W.point[k]
             d0 = p.d[i]
-            d1 = projected(c, reach, s, i, p.g, wp.matrix_from_rows(d0, p.a[i]), p.push, p.push)
+            if wp.static(rolling):
+                d1 = turning(c, reach, s, W.found.roll, i, p.g, wp.matrix_from_rows(d0, p.a[i]), p.push)
+            else:
+                d1 = projected(c, reach, s, i, p.g, wp.matrix_from_rows(d0, p.a[i]), p.push, p.push)
             p.d[i] = d1
             if s.count[i] > 1:
                 way = d1 - d0
@@ -243,15 +248,15 @@ def world_point_func(real, threads: int):
 
 
 @cache
-def touch_round_kernel(kinds: Sequence[ConstraintKind], real, threads: int, module):
+def touch_round_kernel(kinds: Sequence[ConstraintKind], real, threads: int, module, rolling: bool = False):
     """Kernel over threads of worlds: so many rounds. steps: substep, sweeps in a round, rounds, and 1 where the first of them
     is the first of an iteration. kinds: of constraints between bodies, contacts alone."""
     t, Worlds, Rig, Slots, Points = (types(real), world_type(real), rig_type(real), project.slot_type(real),
                                      touch_structs(real)[2])
     Table, Reach = project.contact_tables(real)
     together = block.no_barrier if threads == 1 else block.block_barrier
-    (foresee, reached), take, project_world_points = (star_round_funcs(real), star_body_funcs(real)[1],
-                                                      world_point_func(real, threads))
+    (foresee, reached), take, project_world_points = (star_round_funcs(real, rolling), star_body_funcs(real, rolling)[1],
+                                                      world_point_func(real, threads, rolling))
     sweep = world_sweep_func(kinds, real, together, threads)
 
     def touch_rounds(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, steps: wp.vec4i, rig: Rig):

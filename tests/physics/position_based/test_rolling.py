@@ -198,3 +198,44 @@ def test_what_does_not_turn_has_no_kernels_of_rolling_and_bad_numbers_are_named(
     scene.things("Particles")[0].material = Grains(rolling_friction=-0.1)
     with pytest.raises(SceneError, match=r"/rolls.*rolling_friction is -0.1"):
         wsim.Simulation(scene, device="cpu")
+
+
+@pytest.mark.parametrize(("rolling", "mass"), [(0.0, 0.03), (0.2, 0.03), (0.1, 0.002)])
+def test_a_ball_that_hits_a_free_body_keeps_both_momenta(rolling, mass):
+    r, half = 0.01, np.array([0.05, 0.02, 0.05])
+    scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
+    scene.body("/box", shape=wsim.Box(tuple(half)), mass=mass, static_friction=0.5, dynamic_friction=0.5)
+    scene.particles("/ball", points=[[-0.02, 0.05, 0.01]], radius=r, velocities=[[1, -1, 0.3]],
+                    material=Grains(rolling_friction=rolling))
+    simulation = wsim.Simulation(scene, device="cpu")
+    m, rigid = 2600 * 4 / 3 * np.pi * r**3, simulation.plan.method("rigid").part.arrays
+
+    def momenta():
+        x, v = (np.ravel(values).astype(float) for values in (simulation.positions("/ball"), simulation.velocities("/ball")))
+        p, L, X = (rigid["p"].numpy()[0].astype(float), rigid["L"].numpy()[0].astype(float),
+                   simulation.poses("/box")["/box"][:3, 3])
+        return m * v + p, m * np.cross(x, v) + 0.4 * m * r * r * spins(simulation, "/ball")[0] + np.cross(X, p) + L
+    before = momenta()
+    simulation.run(12)
+    after = momenta()
+    assert np.abs(after[0] - before[0]).max() < 1e-6 * m and np.abs(after[1] - before[1]).max() < 2e-6 * m * r
+    assert np.abs(spins(simulation, "/ball")).max() > 5 and np.linalg.norm(rigid["L"].numpy()) > 1e-2 * m * r
+
+
+@pytest.mark.parametrize("iterations", [2, 8])
+def test_a_plate_on_balls_goes_twice_as_fast_as_they_do(iterations):
+    """Lagrange: balls of m at half of the plate's speed have 7/20 m of its mass, and half of their weight pulls along."""
+    r, mass, slope = 0.01, 0.05, 0.1
+    scene = Scene(fps=60, substeps=8, iterations=iterations, gravity=(G * np.sin(slope), -G * np.cos(slope), 0))
+    scene.collider("/floor", wsim.Plane(), static_friction=0.5, dynamic_friction=0.5)
+    scene.body("/plate", shape=wsim.Box((0.2, 0.005, 0.05)), mass=mass, at=(0, 2 * r + 0.005, 0), static_friction=0.5,
+               dynamic_friction=0.5)
+    points = [[x, r, z] for x in (-0.1, 0.1) for z in (-0.03, 0.03)]
+    scene.particles("/balls", points=points, radius=r, material=Grains(rolling_friction=0.0))
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(18)
+    m = 2600 * 4 / 3 * np.pi * r**3
+    pull = G * np.sin(slope) * (mass + 4 * m / 2) / (mass + 4 * 0.35 * m)
+    speed = simulation.plan.method("rigid").part.arrays["p"].numpy()[0, 0] / mass
+    assert np.isclose(speed, pull * 0.3, rtol=0.01)
+    assert np.allclose(simulation.velocities("/balls")[:, 0], 0.5 * speed, rtol=0.01)

@@ -48,7 +48,8 @@ class RollingContacts:
         makers = {"motion": kernels.roll_motion_kernel, "solve": kernels.roll_solve_kernel, "warm": kernels.roll_warm_kernel,
                   "torque": kernels.roll_force_kernel, "begin": law.roll_begin_kernel, "end": law.roll_end_kernel}
         self.kernels: dict[str, Any] = {name: make(real, launches.module) for name, make in makers.items()}
-        self.contacts: Any = None
+        self.contacts = self.movers = None           # type: Any      # movers: bodies that grains push
+        self.room_for = 0                # contacts with colliders
         grains.stages.append(Stage("rolling", "predict", self.begin, 1, 24 * n, what="grains that turn"))
 
     def make_room(self, room: int, torque: Any) -> None:
@@ -60,7 +61,7 @@ class RollingContacts:
         if (contact := others.ports.contact) is None:
             return
         real, module = self.model.real, self.model.shared_module("rolling_walls")
-        self.contacts = contact.contacts
+        self.contacts, self.movers = contact.contacts, contact.movers
         self.contacts.project_kernel, self.contacts.spins = walls.rolling_projection_kernel(real, module), (self.table,)
         self.kernels["walls"] = walls.roll_wall_kernel(real, module)
         contact.stages.append(Stage("rolling contacts", "collide", self.find, 1, self.model.points * 12, what="turning walls"))
@@ -101,5 +102,9 @@ class RollingContacts:
 
     def before_frame(self) -> None:
         """Torques of as many contacts with colliders as there is room for."""
-        if self.contacts and len(self.table.q) < (room := self.contacts.slots.points * self.contacts.slots.capacity):
+        if self.contacts and self.room_for < (room := self.contacts.slots.points * self.contacts.slots.capacity):
+            self.room_for = room
             self.table.q, self.table.wall = (self.launches.zeros(room, types(self.model.real).vec3) for _ in range(2))
+            if self.movers:
+                self.movers.roll = self.table
+                self.movers.room()

@@ -72,11 +72,10 @@ class BodyPointContacts(RigidSubsteps):
     def need(self, **factories: Any) -> None:
         """Makes kernels that are launched by name."""
         for name, make in factories.items():
-            module = self.model.module
-            if make in (stars.star_solve_kernel, exchange.point_impulse_kernel) and self.lanes > 1:
-                module = self.model.module_of(self.lanes)     # blocks of another size stand in a module of their own
+            wide = make in (stars.star_solve_kernel, exchange.point_impulse_kernel) and self.lanes > 1
             if name not in self.kernels:
-                self.kernels[name] = make(module) if make is groups.group_bound_kernel else make(self.real, module)
+                self.kernels[name] = (make(self.model.module) if make is groups.group_bound_kernel else
+                                      self.make_kernel(make, self.lanes if wide else 0))
 
     def starts(self) -> Any:
         """e where substeps begin, kept from now on for who asks; None where it is e itself, which no memory changes."""
@@ -145,10 +144,11 @@ class BodyPointContacts(RigidSubsteps):
             return wp.zeros(length, dtype=dtype, device=device)
         Rows, Hubs = stars.star_structs(self.real)
         self.numbers, slot = zeros(2 * room, int), zeros(2 * room, int)
-        slots = {name: zeros(room, self.real) for name in ("base", "least", "mu", "f")}
+        slots = {name: zeros(room, self.real) for name in ("base", "least", "mu", "f", *["soft"] * self.rolling)}
         slots |= {name: zeros(room, t.vec3) for name in ("n", "r", "slip")}
         self.rows = fill_struct(Rows, first=zeros(n + 1, int), slot=slot, **slots)
         slots = {name: zeros(room, self.real) for name in ("b", "before", "q")} | {"u": zeros(room, t.vec3)}
+        slots |= {"roll": self.roll, "rolled": zeros(n, wp.vec3d)} if self.roll else {}
         self.found = fill_struct(self.Found, **slots, **{k: zeros(2 * n, wp.vec3d) for k in ("ahead", "still", "total")})
         table, work = self.rigid.table, self.rigid.contacts.work
         self.hubs = fill_struct(Hubs, w=table.w, inverse=table.inverse, turn=work.turn, q=zeros(2 * n, wp.vec3d))

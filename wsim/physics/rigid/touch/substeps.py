@@ -20,11 +20,13 @@ class RigidSubsteps:
     """The parts as stages: `begin`, and `end` behind what pushes. rigid: the method, whose `contacts` are made."""
 
     foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.ForeseenBodies`
+    roll: Any = None                                     # table of balls that turn (kernels/position_based/rolling_law.py)
 
     def __init__(self, b: Build, rigid, swept: bool = True):
         """swept: False if `sweep` is never called."""
         self.model, self.rigid = b.model, rigid
         self.form = rigid.contacts.form
+        self.rolling = any(body.rolling_friction is not None for body in b.scene.bodies())
         self.trees: Any = None           # `wsim.physics.rigid.touch.trees.PushedTrees`, in reduced coordinates
         self.joints = self.step = self.swept = None      # type: Any
         if rigid.joints and rigid.joints.reduced:
@@ -39,6 +41,15 @@ class RigidSubsteps:
             what += "; none sleeps, as points never do"
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
                        Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
+
+    def make_kernel(self, make: Any, threads: int) -> Any:
+        """A kernel; threads: of blocks of another size, which stand in a module of their own; 0: as other kernels have."""
+        model = self.model
+        if self.rolling:
+            from wsim.physics.rigid.touch.turning import ROLLING
+            if make in ROLLING:
+                return make(model.real, model.shared_module("rolling_touch", threads, threads=threads), True)
+        return make(model.real, model.module_of(threads) if threads else model.module)
 
     def connect_ports(self, others: Methods) -> None:
         """Connects itself with what other methods offer."""

@@ -44,8 +44,9 @@ class TreeStars(WorldBlocks):
         """Their kernels."""
         real, self.trees = self.touch.real, self.touch.trees.trees
         moves = bool(self.trees.trees.moves)
-        own = self.model.shared_module("link_rounds", moves, threads=self.threads if self.model.device.is_cuda else 0)
-        self.rounds_kernel = link_round_kernel(real, self.threads, own, moves)
+        own = self.model.shared_module("link_rounds", moves, *["rolling"] * self.touch.rolling,
+                                       threads=self.threads if self.model.device.is_cuda else 0)
+        self.rounds_kernel = link_round_kernel(real, self.threads, own, moves, self.touch.rolling)
         module = self.trees._tree_module("link_stars", moves)
         self.kernel, self.recall_kernel = (make(real, module, moves) for make in (link_star_kernel, link_recall_kernel))
 

@@ -26,14 +26,15 @@ class WorldBlocks:
         self.touch, self.model, form = touch, touch.model, touch.form
         cuda = self.model.device.is_cuda
         self.threads = THREADS if cuda else 1
-        module = self.model.shared_module("touch_rounds", form.coloured, form.tolerance > 0.0, threads=THREADS * cuda)
-        self.list_kernel = rounds.touch_list_kernel(touch.real, self.threads, module)
+        module = self.model.shared_module("touch_rounds", form.coloured, form.tolerance > 0.0, *["rolling"] * touch.rolling,
+                                          threads=THREADS * cuda)
+        self.list_kernel = rounds.touch_list_kernel(touch.real, self.threads, module, touch.rolling)
         self.make_rounds(form)
 
     def make_rounds(self, form) -> None:
         """Kernel of all rounds."""
         kinds, real, module = tuple(form.kinds), self.touch.real, self.list_kernel.module
-        self.rounds_kernel = rounds.touch_round_kernel(kinds, real, self.threads, module)
+        self.rounds_kernel = rounds.touch_round_kernel(kinds, real, self.threads, module, self.touch.rolling)
 
     @property
     def launches(self) -> tuple[int, int]:

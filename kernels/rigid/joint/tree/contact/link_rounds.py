@@ -24,14 +24,16 @@ from wsim.kernels.rigid.touch.rounds import star_aim_func, star_round_funcs, wor
 
 
 @cache
-def link_round_kernel(real, threads: int, module, moving: bool):
+def link_round_kernel(real, threads: int, module, moving: bool, rolling: bool = False):
     """Kernel over threads of worlds: a round. fresh: 1 where it is the first of an iteration. moving: what some trees hang from
-    moves."""
+    moves. rolling: balls turn."""
     Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
     Table, Reach = project.contact_tables(real)
     together = block.no_barrier if threads == 1 else block.block_barrier
-    (gather, tell), take, reached = star_contact_funcs(real), star_body_funcs(real)[1], star_round_funcs(real)[1]
-    stars, project_world_points, aim = tree_star_func(real, moving), world_point_func(real, threads), star_aim_func(real)
+    (gather, tell), take, reached = (star_contact_funcs(real, rolling), star_body_funcs(real, rolling)[1],
+                                     star_round_funcs(real)[1])
+    stars, project_world_points, aim = (tree_star_func(real, moving, rolling), world_point_func(real, threads, rolling),
+                                        star_aim_func(real))
 
     @wp.func
     def foresee_tree(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, g: int, warp: int, T: Trees):

@@ -109,10 +109,10 @@ def star_slopes(s: StarSums):
 
 
 @cache
-def link_star_func(of):
+def link_star_func(of, rolling: bool = False):
     """Function (rows, at, kg, S, V0, w0): w from the guess w0 on, and what is left of F as a part of the impulses or of what it
     began with. at: body, and number of the warp in its block. kg: k, g of `star_impulse_func`."""
-    Rows, part_of = stars(of)[0], star_sum_func(of)
+    Rows, part_of = stars(of)[0], star_sum_func(of, rolling)
 
     @standalone_function
     @wp.func
@@ -196,12 +196,12 @@ def star_frame_functions(of, moving: bool):
 
 
 @cache
-def tree_star_func(of, moving: bool):
+def tree_star_func(of, moving: bool, rolling: bool = False):
     """Function of a tree, by warp number `warp` of its block: V of its bodies, (velocity, then spin), less that which contacts
     were found with, and what is left of F. kg: k and g of `star_impulse_func` [s], and 1 where impulses are all of a substep,
     0 where they come on top. u stays as it is."""
     Rows, Found = stars(of)[0], touch_structs(of)[1]
-    solve, motion, (opened, close) = link_star_func(of), link_motion_func(moving), star_frame_functions(of, moving)
+    solve, motion, (opened, close) = link_star_func(of, rolling), link_motion_func(moving), star_frame_functions(of, moving)
 
     @standalone_function
     @wp.func
