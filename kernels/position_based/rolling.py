@@ -8,7 +8,8 @@
 A of the law has f^2 (a_i + a_j), B has f. So T and its two turns keep the angular momentum m x X v + 2/5 m R^2 omega of both,
 and q does by itself: a gap that closes within the substep is shared by the arms f R. Grains are split
 in as many parts as they have contacts (grains.py), with their inertia. What is carried (stacks.py) answers such a contact
-alone: what carries turns no more than it moves. Torques of contacts last from one substep to the next, as their forces do.
+alone, and what carries more than LOCKED of its own weight does not turn: it passes loads straight down without a torque, and
+the foot of a pile would roll from under it. Torques of contacts last from one substep to the next, as their forces do.
 """
 
 # ruff: noqa: UP018
@@ -21,7 +22,10 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.grains import PUSHED, grain_structs
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.rolling_law import roll_type, rolling_law_func
+from wsim.kernels.position_based.rolling_law import SPHERE, roll_type, rolling_law_func
+
+LOCKED = 0.3           # of its weight: a grain that carries more of others does not turn; at 1 heaps creep at 1e-3 m/s
+FREE = 0.1             # from which it turns again; one bound for both has it turn in each other substep
 
 
 @cache
@@ -160,6 +164,15 @@ def roll_warm_kernel(real, module):
         p = c.order[k]
         i = rows.point[p]
         own = roll.own[i]
+        most = real(LOCKED)
+        if wp.length_sq(roll.phi[i]) == real(0.0):           # it did not turn, and does so only where it carries less
+            most = real(FREE)
+        own[0] = real(0.0)
+        if own[2] > real(0.0) and g.held[k][2] <= most:
+            own[0] = real(SPHERE)
+        roll.own[i] = own
+        if own[0] == real(0.0):
+            roll.phi[i] = t.vec3()
         turned = t.vec3()
         old = int(0)
         for s in range(q.count[k]):
@@ -173,10 +186,10 @@ def roll_warm_kernel(real, module):
                 old += 1
             if old < q.room and before.id[old * q.size + p] == o and q.support[slot] >= 0:
                 torque = (h * h) * r.torque[old * q.size + p]
-                most = mean(own, roll.own[j]) * wp.max(lam, real(0.0))
+                bound = mean(own, roll.own[j]) * wp.max(lam, real(0.0))
                 size = wp.length(torque)
-                if size > most:
-                    torque *= most / size
+                if size > bound:
+                    torque *= bound / size
             r.q[slot] = torque
             if q.support[slot] >= 0:
                 R = rows.reach[p] + rows.reach[o]

@@ -93,7 +93,7 @@ def roll_begin_kernel(real, module):
 
     def begin_rolling(roll: Roll, h: real):
         i = wp.tid()
-        if roll.own[i][0] > real(0.0):
+        if roll.own[i][2] > real(0.0):
             roll.phi[i] = (h * roll.own[i][2]) * roll.spin[i]
 
     return wp.kernel(begin_rolling, name=f"roll_begin_{types(real).name}", module=module, enable_backward=False)
@@ -106,7 +106,7 @@ def roll_end_kernel(real, module):
 
     def end_rolling(roll: Roll, h: real):
         i = wp.tid()
-        if roll.own[i][0] > real(0.0):
+        if roll.own[i][2] > real(0.0):
             roll.spin[i] = roll.phi[i] / (h * roll.own[i][2])
 
     return wp.kernel(end_rolling, name=f"roll_end_{types(real).name}", module=module, enable_backward=False)

@@ -24,7 +24,6 @@ from wsim.kernels.contact import project
 from wsim.kernels.math import block
 from wsim.kernels.math.real import types
 from wsim.kernels.math.team import any_of, block_prefix_count, split_into_teams, team_barrier
-from wsim.kernels.position_based.rolling_walls import rolling_point_func
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.kinds import ConstraintKind
 from wsim.kernels.rigid.motion import double_vec3
@@ -222,7 +221,9 @@ def world_point_func(real, threads: int, rolling: bool = False):
     """Function of a thread of a world: contacts of its points, once; 1 where a point of several has moved."""
     Worlds, Slots, Points = world_type(real), project.slot_type(real), touch_structs(real)[2]
     (Table, Reach), projected, near = project.contact_tables(real), project.point_projection_func(real), NEAR[real] ** 2
-    turning = rolling_point_func(real)
+    if rolling:
+        from wsim.kernels.position_based.rolling_walls import rolling_point_func
+        turning = rolling_point_func(real)
 
     @wp.func
     def project_world_points(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, w: int, lane: int):

@@ -1,6 +1,7 @@
 """Heaps of grains, tanks and drops of fluid by constraints; python -m tools.bench.soft.particles heap|tank|drop ...
 
-    heap RADIUS_OF_COLUMN FRAMES SUBSTEPS ITERATIONS      a column twice as high as wide collapses; mu = 0.5, grains of 8 mm
+    heap RADIUS_OF_COLUMN FRAMES SUBSTEPS ITERATIONS [ROLLING]    a column twice as high as wide collapses; mu = 0.5, grains of
+                                                                  8 mm, which turn where ROLLING says their rolling friction
     tank PARTICLES_ACROSS FRAMES SUBSTEPS ITERATIONS      water at rest between walls of no friction, as deep as wide
     drop RADIUS_OVER_DISTANCE SURFACE_TENSION SUBSTEPS ITERATIONS     without gravity, particles of 1 cm
 
@@ -16,15 +17,16 @@ import numpy as np
 
 import wsim
 from wsim.kernels.position_based import density, tension
-from wsim.physics.position_based.objects import ConstraintFluid
+from wsim.physics.position_based.objects import ConstraintFluid, Grains
 
 
-def heap(radius: float, frames: int, substeps: int, iterations: int) -> None:
+def heap(radius: float, frames: int, substeps: int, iterations: int, rolling: float | None = None) -> None:
     """Prints a line every half second."""
     scene = wsim.Scene(fps=60, substeps=substeps, iterations=iterations)
     scene.collider("/floor", wsim.Plane())
     upright = wsim.Motion.still([[1, 0, 0, 0], [0, 0, 1, 2 * radius + 0.005], [0, -1, 0, 0], [0, 0, 0, 1]])
-    scene.particles("/grains", wsim.Cylinder(radius, 2 * radius), motion=upright, radius=0.004)
+    scene.particles("/grains", wsim.Cylinder(radius, 2 * radius), motion=upright, radius=0.004,
+                    material=Grains(rolling_friction=rolling))
     simulation = wsim.Simulation(scene, device="cpu")
     print(f"{len(simulation.positions())} grains, {substeps} x {iterations}")
     spent, before = 0.0, simulation.positions().copy()
@@ -36,7 +38,7 @@ def heap(radius: float, frames: int, substeps: int, iterations: int) -> None:
             x, v = simulation.positions(), np.linalg.norm(simulation.velocities(), axis=1)
             out = np.hypot(x[:, 0], x[:, 2])
             rings = np.linspace(0.2, 0.95, 9) * np.quantile(out, 0.98)
-            crest = [x[(out >= a) & (out < b), 1].max() for a, b in zip(rings[:-1], rings[1:], strict=True)]
+            crest = [x[(out >= a) & (out < b), 1].max(initial=0.0) for a, b in zip(rings[:-1], rings[1:], strict=True)]
             slope = -np.polyfit(0.5 * (rings[1:] + rings[:-1]), crest, 1)[0]
             overlap = simulation.report(profile=False)["error"].get("grain_overlap", 0.0)
             print(f"{frame / 60:6.1f} s  {1e3 * spent / 30:6.1f} ms  v {v.max():.1e} m/s  overlap {overlap:.1e}  slope "
@@ -137,6 +139,6 @@ def virial_pressures(method, x: np.ndarray, sigma: float = 0.0) -> np.ndarray:
 
 if __name__ == "__main__":
     name, *given = sys.argv[1:]
-    run, kinds = {"heap": (heap, (float, int, int, int)), "tank": (tank, (int, int, int, int)),
+    run, kinds = {"heap": (heap, (float, int, int, int, float)[:len(given)]), "tank": (tank, (int, int, int, int)),
                   "drop": (drop, (float, float, int, int))}[name]
     run(*(kind(each) for kind, each in zip(kinds, given, strict=True)))

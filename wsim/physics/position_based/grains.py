@@ -80,7 +80,7 @@ class GrainContacts(Method):
                                  deepest=zeros(1, int))
         self.structs: Any = S
         self.touched: Any = None
-        self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)
+        self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)         # None: no grain turns
         self._make_contacts(TOUCHED)
         b.state.add(self.part)
         self.deep = stands_deep(points, b.scene.gravity, b.scene.fps * b.clock.substeps * b.clock.iterations)
@@ -102,8 +102,12 @@ class GrainContacts(Method):
                         Stage("grain forces", "finish", self.keep, 1, 100 * size, what="for the next substep")]
 
     def _make_rolling(self, b: Build) -> Any:
-        """Turns of grains; None where none turns."""
-        if all(body.source.rolling_friction is None for body in self.bodies):
+        """Turns of grains; None where none turns, as beside Newton's method."""
+        turning = [body.path for body in self.bodies if body.source.rolling_friction is not None]
+        if turning and b.choice.solver == "implicit":
+            said = "its grains do not turn, as Newton's method solves for contacts; take XPBD, or no rolling_friction"
+            self.offers.start_warnings += [Problem(path, said, fatal=False) for path in dict.fromkeys(turning)]
+        if not turning or b.choice.solver == "implicit":
             return None
         from wsim.physics.position_based.rolling import RollingContacts
         return RollingContacts(self, b)

@@ -26,7 +26,7 @@ class RigidSubsteps:
         """swept: False if `sweep` is never called."""
         self.model, self.rigid = b.model, rigid
         self.form = rigid.contacts.form
-        self.rolling = any(body.rolling_friction is not None for body in b.scene.bodies())
+        self.rolling = b.choice.solver == "xpbd" and any(body.rolling_friction is not None for body in b.scene.bodies())
         self.trees: Any = None           # `wsim.physics.rigid.touch.trees.PushedTrees`, in reduced coordinates
         self.joints = self.step = self.swept = None      # type: Any
         if rigid.joints and rigid.joints.reduced:

@@ -51,9 +51,11 @@ class SurfaceSweeps:
         self.kernel: Any = None
 
     def fits(self) -> bool:
-        """True if a call of sweeps is one launch: contacts are by points alone, and not a Newton step's own."""
+        """True if a call of sweeps is one launch: contacts are by points alone, none of which turns, and not a Newton
+        step's own."""
         c = self.method.contact
-        return self.on and (c is None or c.movers is None and not c.within and c.contacts.edges is None)
+        alone = c is None or c.movers is None and not c.within and c.contacts.edges is None and not c.contacts.spins
+        return self.on and alone
 
     def meet(self) -> None:
         """Makes the kernel, once colliders are known."""
