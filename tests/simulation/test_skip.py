@@ -63,7 +63,7 @@ def room(place: str, names: str) -> set[str]:
 
 
 SCENE = (room("scene", "scene attachments bodies solids curve.curve curve.motion fabric")
-         | room("scene.check", "arguments scene objects mesh problem") | room("scene.values", "table value cost")
+         | room("scene.check", "arguments scene objects mesh problem") | room("scene.values", "arrays table value cost")
          | room("physics.cloth", "objects check") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")

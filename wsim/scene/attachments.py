@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wsim.scene.bodies import ArrayDataclass, contiguous_array, demand_kind, real_array
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.check.problem import Problem, SceneError
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.methods import method_file
 from wsim.scene.solids import Collider, Surface
+from wsim.scene.values.arrays import contiguous_array, demand_kind, real_array
 
 
 @dataclass(eq=False)

@@ -12,49 +12,9 @@ from typing import Any
 import numpy as np
 
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.values.arrays import WrongArray
 
 NO_AIR = {"drag": 0.0, "lift": 0.0, "normal_drag": 0.0}
-
-
-def contiguous_array(value, dtype, *shape):
-    """value as a contiguous array of that dtype and shape (-1: any); None stays None. Raises ValueError where numbers of
-    points are none (a mask, fractions), and as `demand_rows` does."""
-    if value is None:
-        return None
-    given = np.asarray(value)
-    demand_rows(given, shape)
-    if dtype is np.int32 and given.dtype == bool:
-        raise ValueError("found a mask where numbers of points or the like belong; give numpy.flatnonzero(mask)")
-    if dtype is np.int32 and given.dtype.kind not in "iuf" and given.size:
-        raise ValueError(f"found {given.ravel().tolist()[0]!r:.60} where whole numbers belong")
-    if dtype is np.int32 and given.dtype.kind == "f" and (parts := given[given % 1 != 0]).size:
-        raise ValueError(f"found {parts[0]:g} where whole numbers belong")
-    return np.ascontiguousarray(value, dtype).reshape(shape)
-
-
-def real_array(value, *shape):
-    """value as a contiguous array of that shape, float32 where it is float32, as files hold it, else float64: nobody's doubles
-    are rounded. None stays None."""
-    if value is None:
-        return None
-    kept = np.asarray(value)
-    if kept.dtype in (np.float16, np.float32):
-        return contiguous_array(kept, np.float32, *shape)
-    demand_rows(kept, shape)
-    return np.array(kept, np.float64, order="C").reshape(shape)              # apart from the caller's
-
-
-def demand_rows(given: np.ndarray, shape: tuple[int, ...]) -> None:
-    """Raises ValueError where a table has rows of another length than `shape`: a reshape would cut them anew."""
-    if given.ndim > 1 and len(shape) > 1 and given.size and given.shape[-1] != shape[-1] > 0:
-        raise ValueError(f"found rows of {given.shape[-1]} where rows of {shape[-1]} belong, in an array {given.shape}")
-
-
-def demand_kind(path: str, name: str, value, kind: type, example: str) -> None:
-    """Raises ValueError where a field is none of that class."""
-    if not isinstance(value, kind):
-        found = " ".join(repr(value).split())
-        raise ValueError(f"{path}: {name} is {found:.80}; allowed is a {kind.__name__}, such as {example}")
 
 
 class SizedShape:
@@ -94,7 +54,9 @@ class ArrayDataclass:
                     path = getattr(self, "path", "")
                     if not isinstance(path, str) or not path or str(error).startswith(path):
                         raise
-                    raise ValueError(f"{path}: {error}") from error
+                    wrong = error.value if isinstance(error, WrongArray) else self
+                    name = next((f"{f.name}: " for f in fields(self) if getattr(self, f.name) is wrong), "")
+                    raise ValueError(f"{path}: {name}{error}") from error.__cause__
             cls.__post_init__ = check_with_path                                 # type: ignore[attr-defined]
 
     def __setattr__(self, name: str, value) -> None:
@@ -239,6 +201,10 @@ class Deformable(PointObject):
     def is_counted_anew(self, scene: Any) -> bool:
         """True if results hold it as particles, of another number each frame."""
         return False
+
+    def run_bytes(self) -> float:
+        """Memory [bytes] that a `body_of_run` takes in float32, where that may be more than there is; else 0."""
+        return 0.0
 
     def body_of_run(self, scene: Any) -> "Deformable":
         """The body as a run of a scene has it: with all points that come while its frames run."""

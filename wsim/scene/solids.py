@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry import primitives
-from wsim.scene.bodies import ArrayDataclass, SizedShape, contiguous_array
+from wsim.scene.bodies import ArrayDataclass, SizedShape
 from wsim.scene.curve import Motion
+from wsim.scene.values.arrays import contiguous_array
 
 APPROXIMATIONS = ("none", "meshSimplification", "sdf", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -172,8 +173,7 @@ class ShapeRow:
     scaled    (parameters, scale (3,)) -> the shape; None where it is none of this kind, and collides as a mesh
     outline   (parameters, sides) -> points (n, 3), triangles (t, 3)
     write     (shape) -> lengths by name [m]
-    given     (shape) -> parameters
-    vanishing fields that may be 0
+    given     (shape) -> parameters          vanishing     fields that may be 0
     stretch   (shape) -> scale op [m] that is written, of which the lengths (here without unit) are multiples; None: none
     formula   "module:function" of the device: (size, q) -> (phi, n), generic, phi convex in q; "": it is in
               kernels/contact/collider/shape.py"""

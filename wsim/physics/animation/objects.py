@@ -15,8 +15,9 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.physics.animation import skinning
-from wsim.scene.bodies import ArrayDataclass, contiguous_array, real_array
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.values.arrays import contiguous_array, real_array
 
 LOOSE = 1e-4           # by which weights of a point may sum to something else than 1 before they are normalised
 LINEAR, DUAL = "classicLinear", "dualQuaternion"

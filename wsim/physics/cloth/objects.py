@@ -7,10 +7,11 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate_polygons
-from wsim.scene.bodies import BodyGeometry, Deformable, contiguous_array, demand_kind, real_array
+from wsim.scene.bodies import BodyGeometry, Deformable
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.scene.nodal.masses import cloth_masses
+from wsim.scene.values.arrays import contiguous_array, demand_kind, real_array
 
 CLOTH_MODELS = ("membrane", "springs")
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from wsim.physics.particles.pouring import Pour, PouringShape
 from wsim.scene.attachments import Pin
-from wsim.scene.bodies import ArrayDataclass, PointObject, demand_kind
+from wsim.scene.bodies import ArrayDataclass, PointObject
 from wsim.scene.curve import Motion
 from wsim.scene.methods import method_file
 from wsim.scene.solids import shape_row, turn_plane
+from wsim.scene.values.arrays import demand_kind
 
 ACROSS = 2                 # particles of a full cell along each axis
 CONES = ("shear", "triaxial")

@@ -10,10 +10,11 @@ import numpy as np
 
 from wsim.geometry.topology import first_face_corners
 from wsim.scene import Collider, Pin, Problem, SceneError, Surface, shapes
-from wsim.scene.bodies import PointObject, contiguous_array, demand_kind, real_array
+from wsim.scene.bodies import PointObject
 from wsim.scene.curve import Motion
 from wsim.scene.methods import method_file
 from wsim.scene.solids import shape_row
+from wsim.scene.values.arrays import contiguous_array, demand_kind, real_array
 
 LEAST = 3                          # points of a strand that can bend, and of a closed one
 

@@ -5,10 +5,11 @@ from math import inf
 
 import numpy as np
 
-from wsim.scene.bodies import ArrayDataclass, BodyGeometry, Deformable, contiguous_array, demand_kind, real_array
+from wsim.scene.bodies import ArrayDataclass, BodyGeometry, Deformable
 from wsim.scene.curve import Motion
 from wsim.scene.nodal.masses import soft_masses, soft_weights
 from wsim.scene.solid import Bulk
+from wsim.scene.values.arrays import contiguous_array, demand_kind, real_array
 
 
 @dataclass(eq=False)

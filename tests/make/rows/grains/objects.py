@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.scene.bodies import ArrayDataclass, contiguous_array
+from wsim.scene.bodies import ArrayDataclass
+from wsim.scene.values.arrays import contiguous_array
 
 
 @dataclass(eq=False)

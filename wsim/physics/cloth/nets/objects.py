@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.scene.bodies import BodyGeometry, Deformable, contiguous_array, real_array
+from wsim.scene.bodies import BodyGeometry, Deformable
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.values.arrays import contiguous_array, real_array
 
 
 @dataclass(eq=False)

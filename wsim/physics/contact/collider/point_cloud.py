@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import Problem
-from wsim.scene.bodies import ArrayDataclass, real_array
+from wsim.scene.bodies import ArrayDataclass
 from wsim.scene.check.objects import check_point_array, thing_error
 from wsim.scene.curve import Curve
+from wsim.scene.values.arrays import real_array
 
 
 @dataclass(eq=False)

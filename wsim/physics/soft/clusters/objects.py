@@ -6,8 +6,9 @@ from math import inf, isfinite
 import numpy as np
 
 from wsim.physics.soft.clusters.groups import cells_of_points, group_starts, kept_groups
-from wsim.scene.bodies import BodyGeometry, Deformable, contiguous_array, real_array
+from wsim.scene.bodies import BodyGeometry, Deformable
 from wsim.scene.curve import Motion
+from wsim.scene.values.arrays import contiguous_array, real_array
 
 
 @dataclass(eq=False)
