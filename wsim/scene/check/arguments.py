@@ -14,7 +14,7 @@ from wsim.scene.check.problem import Problem, SceneError
 
 UNKNOWN = re.compile(r"(?P<callee>\S+)\(\) got an unexpected keyword argument '(?P<name>\w+)'")
 LACKING = re.compile(r"(?P<callee>\S+)\(\) missing \d+ required (?:positional|keyword-only) arguments?: (?P<names>.*)")
-TOLD = 30                                     # names in a message, at most
+TOLD = 190                                    # letters of names in a message, at most
 OWN = ("self", "scene", "more")               # no names for a caller
 
 NOUNS = {"onto": "collider", "body": "body with points"}
@@ -67,8 +67,11 @@ def wrong_argument(path: str, named: dict, error: TypeError, method: str) -> Pro
         names = known_arguments(found["callee"], below)
         close = get_close_matches(found["name"], names, 1)
         fix = f"write {close[0]}" if close else f"leave it out; help(wsim.Scene.{method}) says more"
-        return Problem(path, f"{found['name']} is no argument of scene.{method}; allowed: {', '.join(names[:TOLD])}"
-                             f"{' ...' * (len(names) > TOLD)}; fix: {fix}")
+        if found["name"] == "at":
+            fix = "shift its points, or give motion=Motion.still(M)" if "motion" in names else "shift its points"
+        told = next(k for k in range(len(names), -1, -1) if len(", ".join(names[:k])) < TOLD)
+        return Problem(path, f"{found['name']} is no argument of scene.{method}; allowed: {', '.join(names[:told])}"
+                             f"{' ...' * (len(names) > told)}; fix: {fix}")
     if lacking := LACKING.match(str(error)):
         names = re.findall(r"'(\w+)'", lacking["names"])
         given = ", ".join(f"{name}=..." for name in names)

@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from math import inf
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def _check_scene_settings(scene: Scene) -> Iterator[Problem]:
     yield from check_number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
     yield from check_number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
     for name in ("frames", "substeps", "iterations"):
-        if getattr(scene, name) > MOST or getattr(scene, name) % 1:
+        if isinstance(getattr(scene, name), Real) and (getattr(scene, name) > MOST or getattr(scene, name) % 1):
             yield thing_error("/", f"{name} is {getattr(scene, name):g}", f"a whole number up to {MOST}",
                               f"give another --{name}")
     yield from check_table_values(scene)
@@ -186,6 +187,10 @@ def _check_prim_paths(scene: Scene) -> Iterator[Problem]:
                            "at least one", "add one, as by scene.cloth(...); in USD, `wsim new cloth MESH -o SCENE` shows how")
     named: list = [*scene.bodies(), *scene_skins(scene), *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
                    *(thing for _, thing in each_method_object(scene))]
+    wrong = next((thing.path for thing in named if not isinstance(thing.path, str)), None)
+    if wrong is not None:
+        yield thing_error("/", f"a path is {wrong!r:.60}", "an absolute path such as /World/cloth", "give a string")
+        return
     for path, n in Counter(thing.path for thing in named if not getattr(thing, "shares_path", False)).items():
         if n > 1:
             yield thing_error(path, f"{n} objects have this path", "one", "give each its own")
@@ -249,7 +254,7 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
         for pin in (p for p in scene.pins if p.body == path):
             held[pin.points] = True
             hard[pin.points] |= pin.stiffness == inf
-        label = _connected_piece_labels(body)
+        label = np.zeros(0, np.int64) if body.is_particles else _connected_piece_labels(body)
         moved = np.where(label >= 0)[0] if body.has_surface else np.arange(n)    # others move nothing
         if hard[moved].all():
             yield thing_error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
@@ -261,12 +266,14 @@ def _check_support(scene: Scene) -> Iterator[Problem]:
         if falls and not held.any() and not lands:
             yield object_warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                                  "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
+        if body.is_particles:
+            continue
         pieces = np.unique(label[label >= 0])
         loose = np.setdiff1d(pieces, label[held])
         if body.is_cluster and len(pieces) > 1 and len(loose):
             yield object_warning(path, f"its clusters make {len(pieces)} pieces that share no points, and part", "one piece",
                                  "give a larger spacing or overlap; in USD wsim:clusterSpacing, wsim:clusterOverlap")
-        elif len(pieces) > 1 and len(loose) and not body.is_particles:
+        elif len(pieces) > 1 and len(loose):
             yield object_warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
                                  "one piece, or pieces meant to fall apart",
                                  "make their points shared ones, pin each of them, or split the mesh"
