@@ -33,6 +33,7 @@ from wsim.simulation.measure.readings import Readings
 from wsim.simulation.predicted.measured import follow_start
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
+MUCH = 1e8             # bytes of particles, from which they are compared with the memory that is free
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
 
 
@@ -58,11 +59,12 @@ class Simulation(Readings):
         if not isinstance(scene, Scene):
             from wsim.usd import load
             scene = load(scene)
+        self.given, self.precision, self.worlds = scene, precision, checked_count("worlds", worlds, 1)
+        self.gradients, self.fps, self.device = gradients, fps, plans.choose_device(device, scene, self.worlds, gradients)
+        self._require_free_memory(scene)
         problems = check_scene(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
-        self.given, self.precision, self.worlds = scene, precision, checked_count("worlds", worlds, 1)
-        self.gradients, self.fps, self.device = gradients, fps, plans.choose_device(device, scene, self.worlds, gradients)
         self.warnings, self.overlaps = [str(p) for p in (*scene.notes, *problems)], any(p.overlap for p in problems)
         self.seconds: dict[str, float] = {}
         self.graphs = FrameGraphs()
@@ -73,6 +75,13 @@ class Simulation(Readings):
         self._build()
         self.seconds["build"] = time.perf_counter() - began
         self.watchers.append(LogMessages(self).log_frame)
+
+    def _require_free_memory(self, scene: Scene) -> None:
+        """Raises SceneError where particles of a scene would not fit on the device: before they are looked at, and with those
+        that come later."""
+        if (need := sum(body.run_bytes() for body in scene.bodies()) * self.worlds) > MUCH:
+            from wsim.simulation.measure.memory import require_free_memory
+            require_free_memory(scene, need * (1.0 + (self.precision == "float64")), self.device)
 
     def _build(self) -> None:
         self.frame = 0
@@ -86,6 +95,7 @@ class Simulation(Readings):
         if self.precision == "float32":
             self.scene = self.scene.single()
         self.scene = scene_of_run(self.scene)
+        self._require_free_memory(self.scene)
         self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, ExceededNote] = {}  # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.repeats: list[str] = []           # why frames were repeated, where that asks nothing of anybody

@@ -100,6 +100,15 @@ def require_memory(scene: Scene, worlds: int, one: Callable[[], Any]) -> None:
         MemoryForWorlds.of(one(), worlds).check()
 
 
+def require_free_memory(scene: Scene, need: float, device: Any) -> None:
+    """Raises SceneError where a scene's particles need more bytes than are free on a device."""
+    free, body = free_bytes(device), max(scene.bodies(), key=lambda each: each.run_bytes())
+    if need > free:
+        raise SceneError(Problem(body.path, f"has {len(body.points):.3g} particles, with which the scene takes some "
+                                 f"{format_bytes(need)}; allowed: {format_bytes(free)}, which are free on {device}; fix: give "
+                                 f"particles {1.1 * (need / free) ** (1.0 / 3.0):.2g} times as large, or a smaller shape"))
+
+
 def allocation_failure(error: Exception, device) -> SceneError:
     """A failed allocation in words; anything else as it is, an allocation where a graph allows none among them."""
     text = str(error).lower()
