@@ -1,7 +1,8 @@
 """What can be wrong with shapes that pour, and with what begins within a solid, whatever method moves it. NumPy only."""
 
 from collections.abc import Iterator
-from math import ceil, inf, isfinite
+from math import ceil, inf
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -24,13 +25,19 @@ def check_pour_numbers(thing: Any, scene: Scene, size: str, smaller: str) -> Ite
                           "give a velocity along its own axes, velocity=(0, -1, 0) say; in USD, "
                           "wsim:particles:velocity or wsim:mpm:velocity")
         return
-    yield from check_number(path, "start of its pour", pour.start, -inf)
-    if not pour.end > pour.start and pour.start == pour.start:
-        yield thing_error(path, f"it pours from {pour.start:g} s to {pour.end:g} s", "an end after the start",
-                          "give another end")
-    if pour.rate is not None and not (isfinite(pour.rate) and pour.rate > 0.0):
-        yield thing_error(path, f"it pours {pour.rate:g} kg/s", "a finite rate above 0", "give another, or none for as much "
-                          "as its cross-section carries")
+    wrong = [*check_number(path, "start of its pour", pour.start, -inf)]
+    if pour.end != inf:
+        wrong += check_number(path, "end of its pour", pour.end, -inf, mend="give a time [s], or inf for no end")
+    if not wrong and not pour.end > pour.start:
+        wrong.append(thing_error(path, f"it pours from {pour.start:g} s to {pour.end:g} s", "an end after the start",
+                                 "give another end"))
+    number = isinstance(pour.rate, Real)
+    if pour.rate is not None and not (number and 0.0 < pour.rate < inf):
+        found = f"{pour.rate:g}" if number else f"{pour.rate!r:.60}"
+        wrong.append(thing_error(path, f"it pours {found} kg/s", "a finite rate above 0",
+                                 "give another, or none for as much as its cross-section carries"))
+    yield from wrong
+    if wrong:
         return
     shape = thing.pouring_shape()
     if shape.lattice_size > MOST_PLACES:

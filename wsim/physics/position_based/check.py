@@ -12,6 +12,7 @@ from wsim.physics.particles.check_pour import check_free_places, check_pour_numb
 from wsim.physics.particles.check_shapes import check_volume_shape
 from wsim.physics.position_based.objects import MATERIALS, ConstraintFluid, Particles
 from wsim.scene import Plane, Problem, Scene, Surface, solids
+from wsim.scene.check.counts import MANY
 from wsim.scene.check.objects import (
     check_number,
     check_placement,
@@ -21,6 +22,7 @@ from wsim.scene.check.objects import (
     thing_error,
 )
 
+BRIGHTEST = 10.0       # part of a colour: lights of pictures may be brighter than 1
 SMOOTHEST = 0.5        # of smoothing
 DEEP = 0.5             # radii that a particle may begin within a solid
 MOST_PARTICLES = 2e7   # that come: some 6 GB
@@ -37,7 +39,7 @@ def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
         yield from broken
         return
     if n == 0:
-        yield thing_error(path, "no particles", "one at least", "give points, a larger shape, or a smaller radius")
+        yield thing_error(path, "no particles", "one at least", "give points")
         return
     yield from check_point_array(path, "points", thing.points, (n,))
     yield from check_placement(path, thing.points, thing.motion)
@@ -47,8 +49,9 @@ def check(thing: Particles, scene: Scene) -> Iterator[Problem]:
     if len(radius) and radius.max() > UNLIKE * radius.min():
         yield thing_error(path, f"radii from {radius.min():g} to {radius.max():g} m", f"a ratio of {UNLIKE:g} at most",
                           "make the largest rigid bodies, or the smallest larger")
-    if thing.colors is not None and thing.colors.shape not in ((3,), (n, 3)):
-        yield thing_error(path, f"colors of shape {thing.colors.shape}", f"(3,) or ({n}, 3)", "give one of all, or one each")
+    if thing.velocity is not None and thing.velocity.shape != (3,):
+        yield thing_error(path, f"velocity of shape {thing.velocity.shape}", "(3,) [m/s]", "give velocity=(0, -1, 0), say")
+    yield from _check_colors(thing, n)
     yield from _check_material(thing)
     yield from _check_one_radius(thing, scene)
     yield from _check_explicit_steps(thing, scene)
@@ -69,6 +72,8 @@ def _check_pour(thing: Particles, scene: Scene) -> Iterator[Problem]:
     if thing.velocities is not None or np.ndim(np.asarray(thing.colors)) > 1:
         found.append(thing_error(path, "it pours, and has velocities or colours of each particle", "one velocity and colour",
                                  "give velocity=, and one colour"))
+    else:
+        found += _check_colors(thing, 1)
     yield from found
     if not found:
         found = list(check_pour_numbers(thing, scene, f"its radius is {thing.radius[0]:g} m", "a smaller radius"))
@@ -79,6 +84,19 @@ def _check_pour(thing: Particles, scene: Scene) -> Iterator[Problem]:
     yield from _check_one_radius(thing, scene)
     yield from _check_explicit_steps(thing, scene)
     yield from _check_solver(thing, scene)
+
+
+def _check_colors(thing: Particles, n: int) -> Iterator[Problem]:
+    """Problems of the colours of n particles."""
+    if thing.colors is None:
+        return
+    if thing.colors.shape not in ((3,), (n, 3)):
+        yield thing_error(thing.path, f"colors of shape {thing.colors.shape}", f"(3,) or ({n}, 3)",
+                          "give one of all, or one each")
+    elif not np.isfinite(thing.colors).all() or thing.colors.min() < 0.0 or thing.colors.max() > BRIGHTEST:
+        wrong = next(c for c in np.reshape(thing.colors, (-1, 3)) if not np.all((c >= 0.0) & (c <= BRIGHTEST)))
+        yield thing_error(thing.path, f"a colour is ({', '.join(f'{v:g}' for v in wrong)})", "linear RGB, 0 to 1",
+                          "divide parts of 255 by 255")
 
 
 def _check_shape(thing: Particles) -> Iterator[Problem]:
@@ -139,8 +157,9 @@ def _check_explicit_steps(thing: Particles, scene: Scene) -> Iterator[Problem]:
         value, most = getattr(m, name), limit(float(thing.radius[0]), 1.0 / (scene.fps * scene.substeps))
         if isinstance(value, float | int) and 0.0 < most < value < inf:
             fewest = ceil(scene.substeps * (value / most) ** (1.0 / order))
+            say = f"give {fewest} substeps, or larger particles" if fewest < MANY else f"give larger particles, or less {name}"
             yield object_warning(thing.path, f"{name} is {value:g} {unit}, and acts as {most:.2g}",
-                                 f"what {scene.substeps} substeps carry", f"give {fewest} substeps, or larger particles")
+                                 f"what {scene.substeps} substeps carry", say)
 
 
 def _check_solver(thing: Particles, scene: Scene) -> Iterator[Problem]:

@@ -2,15 +2,18 @@
 
 from dataclasses import dataclass, field, fields, replace
 from math import inf
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from wsim.physics.particles.pouring import MOST_PLACES, Pour, PouringShape
-from wsim.scene.bodies import BodyGeometry, Deformable, demand_kind, real_array
+from wsim.scene.bodies import BodyGeometry, Deformable
 from wsim.scene.curve import Motion
+from wsim.scene.values.arrays import demand_kind, real_array
 
 STABLE_TENSION = 0.02  # h^2 sigma / m, up to which a drop comes to rest
+BYTES = 2000.0, 800.0   # that a grain and a particle of a fluid take: 1340 and 520 on a device, the rest on the host
 STABLE_VISCOSITY = 0.1 # h mu / (rho (2 r)^2), up to which the explicit step of viscosity is taken
 
 
@@ -108,10 +111,10 @@ class Particles(Deformable):
         if isinstance(self.material, str) and self.material in MATERIALS:
             self.material = MATERIALS[self.material]()
         self.points, self.velocities = real_array(self.points, -1, 3), real_array(self.velocities, -1, 3)
-        self.radius = real_array(np.atleast_1d(self.radius), -1)
-        self.colors = None if self.colors is None else np.array(self.colors, np.float64)
+        self.radius = real_array(np.nan if self.radius is None else self.radius, -1)
+        self.colors = None if self.colors is None else real_array(self.colors, *np.shape(self.colors))
         if self.velocity is not None:
-            self.velocity = np.array(self.velocity, np.float64)
+            self.velocity = real_array(self.velocity, *np.shape(self.velocity))
             if self.velocities is None and self.velocity.shape == (3,) and not self.pour:
                 self.velocities = np.tile(self.velocity, (len(self.points), 1))
 
@@ -134,6 +137,10 @@ class Particles(Deformable):
         found = replace(self, points=poured.x, velocities=poured.v, motion=Motion.still())
         found._times = poured.t if count else np.full(1, inf)         # type: ignore[attr-defined]
         return found
+
+    def run_bytes(self) -> float:
+        """See `Deformable`: of lists of neighbours and contacts, mostly."""
+        return BYTES[self.is_fluid] * len(self.points)
 
     @property
     def arrival_times(self) -> np.ndarray:
@@ -196,7 +203,7 @@ def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
     """Particles that fill a shape, or points that `more` has. Raises SceneError for both or neither, and for a material's
     number that is no argument of particles."""
     from wsim.scene import Problem, SceneError
-    if (shape is None) == ("points" not in more):
+    if (shape is None) == (more.get("points") is None):
         found = "neither a shape nor points" if shape is None else "a shape and points"
         raise SceneError(Problem(path, f"has {found}; allowed is one of them; fix: give a shape to fill, or points=..."))
     for kind in MATERIALS.values():
@@ -215,24 +222,25 @@ def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
 def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None) -> np.ndarray:
     """Places of a cubic lattice of edge 2 radius, LOOSE times that of grains, within a closed shape, in its own frame (n, 3)
     [m], each moved at random within what that leaves free. Balls about them lie within a convex shape, and do not overlap.
-    Raises SceneError where there is not one radius, or a mesh has no inside."""
+    Raises SceneError where there is not one radius > 0, a shape has no inside, or it holds no particle or too many."""
+    from wsim.physics.particles.check_shapes import check_volume_shape
     from wsim.physics.particles.lattice import index_block, indices_inside_mesh
     from wsim.scene import Plane, Problem, SceneError, Surface
-    from wsim.scene.solids import shape_row
-    if isinstance(radius, str) or np.size(radius) != 1 or not 0.0 < float(radius) < np.inf:
+    from wsim.scene.solids import SOLIDS, shape_row
+    known = isinstance(radius, Real | np.ndarray)
+    if not known or np.size(radius) != 1 or not 0.0 < float(radius) < np.inf:
         raise SceneError(Problem(path, f"radius is {radius!r:.60}; allowed is one length > 0 [m] where a shape is filled; fix: "
                                  "give radius=0.01, or points with a radius each"))
-    if isinstance(shape, (str, type)):
+    if type(shape) not in (Surface, *(row.shape for row in SOLIDS)):
         raise SceneError(Problem(path, f"shape is {shape!r:.60}; allowed is a closed shape; fix: give Box((0.1, 0.1, 0.1)) or "
                                  "wsim.Surface(points, counts, indices) of a mesh"))
     if isinstance(shape, Plane):
         raise SceneError(Problem(path, "a Plane has no end to fill; allowed is a closed shape; fix: give a Box, say"))
     edge = lattice_edge(float(radius), material == "fluid" or isinstance(material, ConstraintFluid))
     free = 0.5 * edge - float(radius)
+    if broken := [problem for problem in check_volume_shape(path, shape) if problem.fatal]:
+        raise SceneError(broken)
     if isinstance(shape, Surface):
-        from wsim.physics.particles.check_shapes import check_volume_shape
-        if broken := [problem for problem in check_volume_shape(path, shape) if problem.fatal]:
-            raise SceneError(broken)
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
         _check_lattice_size(path, radius, float(np.prod(end - begin, dtype=np.float64)))
@@ -245,6 +253,9 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
         size = np.floor(2.0 * half / edge + 1e-6) if hasattr(shape, "half") else np.zeros(3)
         lattice = (index_block(tuple(-most), tuple(most)) + 0.5 * (size % 2 == 0)) * edge
         places = lattice[shape_row(shape).distance(shape, lattice) < -(radius + free) * (1.0 - 1e-6)]
+    if not len(places):
+        raise SceneError(Problem(path, f"its shape holds no particle: its radius is {float(radius):g} m; allowed: a shape that "
+                                 "holds one; fix: give a smaller radius, or a larger shape"))
     return places + free * np.random.default_rng(0).uniform(-1.0, 1.0, places.shape)
 
 

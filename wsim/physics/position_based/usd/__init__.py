@@ -20,6 +20,7 @@ from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import author_motion, read_placement
 
 POURS = ("pour_start", "pour_end", "pour_rate")
+OTHERS = (names.RIGID_BODY, names.WSIM_GRAINS, names.WSIM_DRAIN, names.SURFACE_SIM, names.VOLUME_SIM, names.WSIM_SHAPES)
 SHAPES = "Points, a closed Mesh, a Cube, Sphere, Capsule, Cylinder or Cone"
 UNLIKE = 1e-3              # of a radius by which widths and a rest offset may differ unsaid
 
@@ -31,9 +32,9 @@ def within(reading: StageReading, prim: Usd.Prim) -> list:
 
 def load(reading: StageReading, prim: Usd.Prim) -> Particles | None:
     """The particles of a prim; None if it is broken, or left out (reported)."""
-    if names.RIGID_BODY in applied_schemas(prim):
-        reading.fail(prim.GetPath(), f"has {names.WSIM_PARTICLES} and {names.RIGID_BODY}; allowed is one of them: take the "
-                     "other away")
+    beside = [api for api in OTHERS if api in applied_schemas(prim)]
+    if beside:
+        reading.fail(prim.GetPath(), f"has {names.WSIM_PARTICLES} and {beside[0]}; allowed is one of them: take the other away")
         return None
     named = read_attribute(prim, "Particles", "material", reading.units)
     hints = read_physx_hints(reading, prim, None if named is None else named == "fluid")
