@@ -61,7 +61,7 @@ def told(make):
     ({"velocity": (0, NAN, 0)}, "velocities are NaN"),
     ({"colors": (NAN, 0, 0)}, r"a colour is \(nan, 0, 0\); allowed: linear RGB"),
     ({"colors": (255, 0, 0)}, "divide parts of 255 by 255"), ({"colors": "red"}, "colors: found 'red'"),
-    ({"pour": Pour(rate="much"), **DOWN}, "rate of its pour is 'much'; allowed: finite and > 0"),
+    ({"pour": Pour(rate="much"), **DOWN}, "it pours 'much' kg/s; allowed: a finite rate above 0"),
     ({"pour": Pour("now"), **DOWN}, "start of its pour is 'now'; allowed: finite"),
     ({"pour": Pour(0.0, None), **DOWN}, "end of its pour is None; allowed: finite; fix: give a time"),
     ({"pour": Pour(2.0, 1.0), **DOWN}, "it pours from 2 s to 1 s; allowed: an end after the start"),
@@ -202,7 +202,7 @@ def load_stage(tmp_path, text, kind="Cube", beside="", start=0, end=2):
     ("point3f[] points = [(0, 0, 0)]", {"kind": "Points"}, "has neither widths nor wsim:particles:radius"),
     (POURS.format("nan"), {}, "start of its pour is nan"),
     (POURS.format("5\n double wsim:particles:pourEnd = 2"), {}, "allowed: an end after the start"),
-    (POURS.format("0\n double wsim:particles:pourRate = -1"), {}, "rate of its pour is -1"),
+    (POURS.format("0\n double wsim:particles:pourRate = -1"), {}, "it pours -1 kg/s; allowed: a finite rate above 0"),
     (POURS.format("0").replace("(0, 0, -100)", "(0, 0, 0)"), {}, "not all 0")])
 def test_wrong_stages_get_a_line(tmp_path, text, more, said):
     with pytest.raises(SceneError) as error:

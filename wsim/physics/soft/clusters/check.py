@@ -42,7 +42,8 @@ def check(thing: Clusters, scene: Scene) -> list[Problem]:
 def _check_masses(thing: Clusters) -> Iterator[Problem]:
     path, n = thing.path, len(thing.points)
     if thing.masses is None and not (isinstance(thing.mass, Real) and 0.0 < thing.mass < inf):
-        said = "no mass" if thing.mass is None else f"a mass of {thing.mass!r:.60} kg"
+        given = f"{thing.mass:g}" if isinstance(thing.mass, Real) else f"{thing.mass!r:.60}"
+        said = "no mass" if thing.mass is None else f"a mass of {given} kg"
         yield thing_error(path, f"it has {said}", "mass [kg] of the whole, finite and > 0, or masses of its points",
                           "give mass=1.0, say; in USD physics:mass of PhysicsDeformableBodyAPI")
         return

@@ -11,7 +11,7 @@ from wsim.physics.soft.clusters.tables import cluster_sources
 
 
 def whole_clusters(method) -> np.ndarray:
-    """Which clusters are rigid, share no point with others, and have no pinned one, (clusters,) bool."""
+    """True for clusters that are rigid, share no point with others, and have no pinned one, (clusters,) bool."""
     table, w = method.table, method.points.constants.w.numpy()
     alone = (np.bincount(table.point, minlength=len(w)) == 1) & (w > 0.0)
     return np.logical_and.reduceat(alone[table.point], table.first[:-1]) & (method.kappa == 0.0)
