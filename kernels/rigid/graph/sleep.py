@@ -3,11 +3,12 @@
     speed^2 = |v|^2 + omega . L / m            twice the kinetic energy over the mass
 
 An island is a set of bodies that joints, and manifolds with points, join, colliders and the world aside. It wakes as one: by a
-body that is not calm (it comes near, or was set, or pushed by another force), by a collider that moves, and by a joint that
-stirs: what it hangs on moves, or its drive has a speed. A broken joint still joins, as it does where joints are eliminated.
-Islands are labelled by their first body: labels of two bodies that are joined become the lesser, and paths are shortened, until
-nothing changes (Shiloach and Vishkin 1982), so that they depend on the lists alone. Bodies that sleep have no momentum; their
-manifolds have their number of points negative meanwhile, which no pass takes up, and keep their impulses for when they wake.
+body that is not calm (it comes near, in any substep, or was set, or pushed by another force), by a collider that moves, and by
+a joint that stirs: what it hangs on moves, or its drive has a speed. A broken joint still joins, as it does where joints are
+eliminated. Islands are labelled by their first body: labels of two bodies that are joined become the lesser, and paths are
+shortened, until nothing changes (Shiloach and Vishkin 1982), so that they depend on the lists alone. Bodies that sleep have no
+momentum; their manifolds have their number of points negative meanwhile, which no pass takes up, and keep their impulses for
+when they wake.
 Passes of joints leave out islands of joints that sleep (kernels/rigid/joint/passes.py).
 """
 
@@ -180,6 +181,23 @@ def body_sleep_kernel(real, module, meet, threads: int = 0, cluster: int = 0):
 
     return wp.kernel(rigid_sleep, name="rigid_sleep", module=module, enable_backward=False, grid_stride=False,
                      **({"launch_bounds": threads} if threads else {}), **({"cluster_dim": cluster} if cluster else {}))
+
+
+def met_sleeper_kernel(real, module):
+    """Kernel over manifolds, within a frame: where a body that is awake comes to one that sleeps, pairs are listed anew."""
+    Rig, manifolds_of = rig_type(real), manifold_count_func(real)
+
+    def rigid_met_sleeper(rig: Rig):
+        m = wp.tid()
+        n = rig.b.w.shape[0]
+        if m < manifolds_of(rig) and rig.c.count[m] > 0:
+            f = rig.s.frame[rig.c.a[m]]
+            g = rig.s.frame[rig.c.b[m]]
+            if f < n and g < n and rig.work.asleep[f] != rig.work.asleep[g]:
+                rig.work.strayed[0] = 1
+                rig.work.strayed[1 + rig.s.world[rig.c.a[m]]] = 1
+
+    return wp.kernel(rigid_met_sleeper, name="rigid_met_sleeper", module=module, enable_backward=False)
 
 
 def restored_count_kernel(real, module):

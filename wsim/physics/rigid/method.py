@@ -265,7 +265,7 @@ class RigidMethod(Method):
             self.gravity[slice(None) if world is None else world] = value
             self.given.push.assign(self._push().astype(self.model.dtype))
             if self.contacts:
-                self.contacts.work.g.assign(self.contacts.fall_accelerations())
+                self.contacts.work.g.assign(solids.fall_accelerations(self.gravity).astype(self.model.dtype))
             return True
         if path == "/" or not len(hit) or name not in LIVE:
             return any([other.set_value(path, name, value, world) for other in (self.joints, self.contacts) if other])

@@ -43,6 +43,7 @@ class RigidSleep:
         self.awake.fill_(1)
         self.kernel: Any = None
         self.counted: Any = None
+        self.meets: Any = None
         self.stirs = False
         self.pairs = np.zeros((0, 2), np.int32)          # bodies of the joints of all worlds, -1 for none
         self.driven = np.zeros(0, bool)                  # of joints: a drive has a speed
@@ -91,6 +92,7 @@ class RigidSleep:
         module = self.model.shared_module("rigid_sleep", form.blocks, threads=form.sizes["threads"])
         self.kernel = sleep.body_sleep_kernel(self.model.real, module, form.meet, **form.sizes)
         self.counted = sleep.restored_count_kernel(self.model.real, self.model.module)
+        self.meets = sleep.met_sleeper_kernel(self.model.real, self.model.module)
 
     def arrays(self, bodies: int) -> dict[str, wp.array]:
         """Arrays that the kernels work on."""
@@ -100,6 +102,17 @@ class RigidSleep:
     def settle(self, k: int, time: float, rig) -> None:
         """Settles what sleeps, behind the making of manifolds for `time` [s] from substep k on."""
         self.form.launch(self.kernel, [self.form.threads, k, time, self.speed, rig, self.bond, self.stir], [])
+
+    def wake_met(self, contacts, time: float, made: tuple) -> None:
+        """Within a frame: where a body that is awake comes to one that sleeps, its island wakes in the same substep. time [s]:
+        for which pairs are listed; made: what manifolds are made of."""
+        self.model.launch(self.meets, contacts.room, [contacts.rig()], [])
+        wp.capture_if(contacts.broad.stray, self._wake, contacts=contacts, time=time, made=made)
+
+    def _wake(self, contacts, time: float, made: tuple) -> None:
+        contacts.list_anew(made[0], time)
+        contacts.make_manifolds(*made)
+        self.settle(made[0], 0.0, contacts.rig())
 
     def end(self, room: int, rig) -> None:
         """Ends a frame, behind the substeps."""

@@ -24,12 +24,12 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.rigid import forms, meetings, surfaces
 from wsim.physics.rigid.contacts.pair_list import PairList, manifold_table
-from wsim.physics.rigid.solids import body_contact_parts, contact_shape_of, scene_contact_colliders
+from wsim.physics.rigid.solids import body_contact_parts, contact_shape_of, fall_accelerations, scene_contact_colliders
 from wsim.scene import Collider, Sphere
 
 LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
 FEW = 256                    # pairs that there is room for at first, if so many shapes there are may meet
-WORD, IN_TURN, WEIGHT = "rigid pairs", "rigid manifolds without a colour", 9.81        # [m/s^2] where a scene has none
+WORD, IN_TURN = "rigid pairs", "rigid manifolds without a colour"
 PAIRS = (StateField("a", "", True, "shape of a manifold, -1 for none", "int"), StateField("b", "", True, "the other", "int"),
          StateField("count", "", True, "its points", "int"), StateField("colour", "", True, "its colour, -1 for none", "int"))
 POINTS = (StateField("push", "N s", True, "impulse of a point in the last substep", "scalar"),
@@ -121,7 +121,7 @@ class RigidContactTables:
 
     def _make_lists(self, room: int) -> None:
         """Arrays for so many pairs, and those of bodies and shapes."""
-        t, real, n, joints = types(self.real), self.real, self.frames, self.method.joints
+        t, real, n, method, joints = types(self.real), self.real, self.frames, self.method, self.method.joints
 
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=self.device)
@@ -139,14 +139,9 @@ class RigidContactTables:
                                 node=self.model.upload((joints.colour_nodes if joints else np.int32)(np.arange(n)), int),
                                 **(joints.contact_arrays(room) if joints else {}),
                                 colours=zeros(1, int), flags=zeros(2 + 2 * self.model.worlds, int), residual=zeros(2, real),
-                                g=self.model.upload(self.fall_accelerations(), real))
+                                g=self.model.upload(fall_accelerations(method.gravity), real))
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
             setattr(self.work, name, array)
-
-    def fall_accelerations(self) -> np.ndarray:
-        """Size of gravity in each world, (worlds,) [m/s^2]."""
-        found = np.linalg.norm(self.method.gravity, axis=1)
-        return np.where(found > 0.0, found, WEIGHT).astype(self.model.dtype)
 
     def _clear_pair_rows(self, first: int) -> None:
         """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
@@ -216,7 +211,8 @@ class RigidContactTables:
 
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
-        listed, each = 7 + 2 * self.moves + 2 * bool(self.method.sleep), 1 + bool(self.on_meshes) + len(self.flush)
+        slept = bool(self.method.sleep)
+        listed, each = 7 + 2 * (self.moves + slept), 1 + bool(self.on_meshes) + len(self.flush) + slept
         return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set_value(self, path: str, name: str, value, world: int | None) -> bool:
@@ -228,7 +224,7 @@ class RigidContactTables:
 
     def renew(self, clock: Clock, k: int) -> None:
         """Manifolds of substep k, with their colours: those that are stale, all where pairs are listed."""
-        launch, rig, ends, sleep = self.model.launch, self.rig(), self.ends(clock), self.method.sleep
+        rig, ends, sleep = self.rig(), self.ends(clock), self.method.sleep
         listing = k in ends[:-1]                     # else where a body has gone farther than was foreseen
         i = max(i for i, end in enumerate(ends[:-1]) if end <= k)
         time = clock.h * (ends[i + 1] - ends[i])     # of colliders the same in a list made anew, which worlds share
@@ -240,16 +236,21 @@ class RigidContactTables:
             self.broad.list_near_pairs(k, time, self.status.word(WORD))
         else:
             wp.capture_if(self.broad.stray, self.list_anew, k=k, time=time)
-        launch(self.collide, self.room, [rig, self.hulls, *made], [])
-        if self.on_meshes:
-            launch(self.on_meshes, self.room * self.lanes, [rig, self.hulls, self.surfaces, *made], [])
-        for kernel in self.flush:
-            launch(kernel, self.room, [rig, self.hulls, k] if kernel is self.flush[0] else [rig], [])
+        self.make_manifolds(*made)
         if sleep and listing:
             sleep.settle(k, time, rig)
         elif sleep:
-            wp.capture_if(self.broad.stray, sleep.settle, k=k, time=0.0, rig=rig)
+            sleep.wake_met(self, time, made)
         self.form.colour(rig, self.status.word(IN_TURN))
+
+    def make_manifolds(self, k: int, *more) -> None:
+        """Manifolds of substep k: those that are stale, all of a list made anew."""
+        launch, rig = self.model.launch, self.rig()
+        launch(self.collide, self.room, [rig, self.hulls, k, *more], [])
+        if self.on_meshes:
+            launch(self.on_meshes, self.room * self.lanes, [rig, self.hulls, self.surfaces, k, *more], [])
+        for kernel in self.flush:
+            launch(kernel, self.room, [rig, self.hulls, k] if kernel is self.flush[0] else [rig], [])
 
     def list_anew(self, k: int, time: float) -> None:
         """Lists pairs within a frame, after a body has gone farther than was foreseen."""

@@ -32,6 +32,7 @@ EXACT = (Plane, Sphere, Box, Capsule, Cylinder, Cone)
 MESHES = 64                # different meshes whose figures are kept
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
 NOWHERE = (0.0, 0.0, 0.0)
+WEIGHT = 9.81              # [m/s^2] by which speeds are judged where a scene has no gravity
 
 
 @dataclass(frozen=True)
@@ -173,6 +174,12 @@ def _cloud_of(points: np.ndarray) -> Surface:
 def body_contact_parts(body) -> list[Collider]:
     """Colliders of a body that touch something, decomposed ones as their parts."""
     return [c for c in collider_parts(body.colliders) if contact_shape_of(c, True) is not None]
+
+
+def fall_accelerations(gravity: np.ndarray) -> np.ndarray:
+    """Size of gravity (worlds, 3) [m/s^2] in each world, (worlds,)."""
+    found = np.linalg.norm(gravity, axis=1)
+    return np.where(found > 0.0, found, WEIGHT)
 
 
 def bodies_have_meshes(scene) -> bool:

@@ -53,9 +53,9 @@ def touching_part_functions(real, meet, coloured: bool, needs: TreeContactNeeds)
     def begin_world(team: WorldTeam, k: int, h: real, rig: Rig, J: Linked, T: Trees):
         if k == 0 or wp.static(needs.sleeping):
             for g in range(team.tree + team.number, team.last_tree, team.of):
+                if k == 0:
+                    begin(g, wp.float64(h), rig.b, T, J)  # one that sleeps may wake within the frame
                 if awake(g, rig, T):
-                    if k == 0:
-                        begin(g, wp.float64(h), rig.b, T, J)
                     ready(g, k, h, rig, J, T)            # else as the launch before has left it
                     if wp.static(needs.breaking):
                         note_break_start(g, T)
