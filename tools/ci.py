@@ -5,7 +5,8 @@ to run (keys are hashes of what is compiled): in WSIM_CI_KERNELS, or in ~/.cache
 that has grown beyond LARGE is emptied first. mypy keeps there what it knows of each file, by hashes too. Python keeps bytecode
 in the copy, whatever the environment says: without, every process of the tests would read all sources anew.
 
-Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run.
+Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run. Steps
+of one process run beside each other (CHECKS): lint while the extras are installed, types while those tests run.
 
 The first command must leave nothing that git would add. With the word `full` (`.ci/full`), tests marked slow run, and then
 tests of each package's use with the lowest versions that pyproject.toml allows, also of Python; WSIM_CI_LOWEST=1 asks for the
@@ -24,6 +25,8 @@ import sys
 import tempfile
 import tomllib
 import xml.etree.ElementTree as xml
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import perf_counter
 
@@ -31,8 +34,8 @@ ROOT = Path(__file__).resolve().parents[1]
 LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", "build", "dist")
 REPORT, AGAIN = "../report.xml", "../again.txt"         # of the tests of the second command; those of them that the extras run
 OTHER = re.compile("CUDA|GPU")                          # in reasons to skip that no extra mends
-CHECKS = (".venv/bin/pip install -q --no-compile -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q @{AGAIN}",
-          ".venv/bin/ruff check .", ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
+CHECKS = {".venv/bin/pip install -q --no-compile -e '.[dev,view,plot,picture]'": (".venv/bin/python tools/lint.py",),
+          f".venv/bin/pytest -q @{AGAIN}": (".venv/bin/ruff check .", ".venv/bin/mypy")}     # a step, and what runs meanwhile
 SLOW = ".venv/bin/pytest -q -m slow"
 PINS = "../lowest.txt"                                  # constraints of the lowest versions
 EXTRAS = "test", "view", "plot", "picture"              # that are tried by them
@@ -133,18 +136,37 @@ def skipped(report: Path) -> list[str]:
     return names
 
 
-def step(command: str, folder: Path, environment: dict[str, str]) -> tuple[bool, list[str]]:
+def step(command: str, folder: Path, environment: dict[str, str], say: Callable[[str], None]) -> tuple[bool, list[str]]:
     """Runs a command, passing on what it prints: (success, its lines)."""
-    print(f"\n$ {command}", flush=True)
+    say(f"\n$ {command}\n")
     began, lines = perf_counter(), []
     with subprocess.Popen(["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=environment, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, errors="replace") as process:
         for line in process.stdout:
             lines.append(line.rstrip())
-            print(line, end="", flush=True)
-    print(f"-- {'ok' if process.returncode == 0 else f'FAILED ({process.returncode})'}, "
-          f"{perf_counter() - began:.1f} s", flush=True)
+            say(line)
+    say(f"-- {'ok' if process.returncode == 0 else f'FAILED ({process.returncode})'}, {perf_counter() - began:.1f} s\n")
     return process.returncode == 0, lines
+
+
+def show(text: str) -> None:
+    print(text, end="", flush=True)
+
+
+def run_steps(command: str, meanwhile: tuple[str, ...], folder: Path,
+              environment: dict[str, str]) -> tuple[list[str], list[str]]:
+    """Runs a command, and others one after another meanwhile, whose output comes behind: (those that failed, lines of the
+    first)."""
+    held: list[str] = []
+
+    def run_others() -> list[str]:
+        return [other for other in meanwhile if not step(other, folder, environment, held.append)[0]]
+    with ThreadPoolExecutor(1) as pool:
+        others = pool.submit(run_others)
+        good, lines = step(command, folder, environment, show)
+        failed = [command] * (not good) + others.result()
+    show("".join(held))
+    return failed, lines
 
 
 def main() -> int:
@@ -156,14 +178,14 @@ def main() -> int:
         strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
         environment = {k: v for k, v in os.environ.items() if k not in strange}
         environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
-        for number, command in enumerate((*commands(), *CHECKS, *further())):
+        steps = dict.fromkeys(commands(), ()) | CHECKS | dict.fromkeys(further(), ())
+        for number, (command, meanwhile) in enumerate(steps.items()):
             if number == 1 and (cache := kept()):
                 print(f"kernels are kept: {sum(1 for _ in cache.rglob('*.meta'))} modules were there", flush=True)
                 environment |= {"WARP_CACHE_PATH": str(cache), "MYPY_CACHE_DIR": str(cache / "mypy")}
             reporting = {"PYTEST_ADDOPTS": f"--junitxml={REPORT}"} if number == 1 else {}
-            good, lines = step(command, folder, environment | reporting)
-            if not good:
-                failed.append(command)
+            bad, lines = run_steps(command, meanwhile, folder, environment | reporting)
+            failed += bad
             if number == 0 and (left := untracked(folder) - before):
                 failed.append("the first command leaves what git would add: " + " ".join(sorted(left)[:5]))
             if number == 1:
