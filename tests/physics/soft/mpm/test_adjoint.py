@@ -287,7 +287,7 @@ def test_worlds_are_apart():
 def test_a_frame_that_needs_more_blocks_is_recorded_with_more(monkeypatch):
     """120 particles fly apart: each comes to lie in up to 8 blocks of its own."""
     monkeypatch.setattr(TileGrid, "least_blocks", 64)
-    scene = heap("sand", frames=3, fps=10.0)
+    scene = heap("sand", frames=2, fps=40.0)
     thing = scene.things("MaterialPoints")[0]
     thing.velocity = 40.0 * np.random.default_rng(3).normal(size=thing.points.shape) + [0.0, 60.0, 0.0]
     before = recorded(heap("sand")).grains.method.grid.blocks
