@@ -50,7 +50,7 @@ def virial_pressure(simulation, sigma):
     return (-(lam[:, None] + lam[None]) * slope * r + pulled).sum(axis=1) / 6.0
 
 
-@pytest.mark.parametrize("n, sigma", [(5, 0.5), (5, 0.1), (6, 0.5)])
+@pytest.mark.parametrize("n, sigma", [(5, 0.1), (6, 0.5), pytest.param(5, 0.5, marks=pytest.mark.slow)])
 def test_pressure_in_a_drop_is_that_of_laplace(n, sigma):
     """2 sigma / R, at two radii and two sigmas."""
     x = ball(n)
