@@ -185,6 +185,22 @@ def test_a_hundred_grains_in_one_place_beside_others_go_on_from_a_file_to_the_bi
     assert any("grains overlap" in str(w) for w in first.warnings)
 
 
+@pytest.mark.parametrize("ratio", [29, 490])
+def test_a_pile_lies_on_a_cloth_by_newtons_method(ratio):
+    """27 grains, each `ratio` times as heavy as a point of the cloth, are no nearer to it than they keep, but for 2 %."""
+    scene, k = Scene(fps=60, substeps=8, iterations=6, solver="implicit"), np.indices((3, 3, 3)).reshape(3, -1).T
+    points, counts, indices = shapes.sheet(0.2, 0.2, 12, 12, horizontal=True)
+    cloth = scene.cloth("/cloth", points, counts, indices, material=Fabric(2000.0, density=500.0, thickness=2e-3, damping=2e-3))
+    scene.pin("/pin", cloth, np.flatnonzero(np.abs(points[:, [0, 2]]).max(axis=1) > 0.099))
+    density = ratio * 0.04 * 500.0 * 2e-3 / 169 / (4 / 3 * np.pi * R**3)
+    scene.particles("/p", points=2.05 * R * (k - [1, 0, 1]) + [0.003, R + 0.002, 0.002], radius=R,
+                    material=Grains(density=density))
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(40)
+    corners = simulation.positions("/cloth").astype(float)[triangulate_polygons(points, counts, indices)[0]]
+    assert 0.98 < distance_to_triangles(simulation.positions("/p").astype(float), corners) / (R + 1e-3) < 1.05
+
+
 def loaded(kind, ratio, **more):
     """Sixteen grains on a cloth or a net of 8 x 8 cells that is held at its edge; ratio: of their mass to that of a point."""
     scene, n = Scene(fps=60, substeps=8, iterations=4, **more), 9
