@@ -29,7 +29,7 @@ class RigidClusterContacts:
             kernels.rigid_contact_table(model.real), whole=model.upload(whole.astype(np.int32), int),
             friction=model.upload(friction, t.vec2), listed=wp.zeros(len(method.table.point), dtype=int, device=device),
             count=wp.zeros(n * threads, dtype=int, device=device), touches=wp.zeros(n, dtype=int, device=device),
-            centre=wp.zeros(n, dtype=wp.vec3d, device=device), mass=wp.zeros(n, dtype=wp.float64, device=device),
+            way=wp.zeros(n, dtype=wp.float64, device=device), mass=wp.zeros(n, dtype=wp.float64, device=device),
             inverse=wp.zeros(n, dtype=wp.mat33d, device=device))
         module = model.shared_module("rigid_contacts", threads, threads=threads)
         self.find, self.solve = (make(model.real, module) for make in (kernels.touching_member_kernel,
@@ -40,7 +40,7 @@ class RigidClusterContacts:
     def read(self):
         """Places that kernels read."""
         s = self.method.state
-        return self.contact.contacts.read(x=s.x, d=s.d, a=self.contact.anchor)
+        return self.contact.contacts.read(x=s.x, d=s.d, a=self.contact.anchor, push=self.contact.contacts.push)
 
     def list_members(self, clock: Clock) -> None:
         """Members that touch, behind the search."""
