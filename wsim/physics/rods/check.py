@@ -59,6 +59,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     if through:
         yield object_warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
                              "colliders, rigid bodies, or cloth and soft bodies that collide as strands do",
+                             "leave the curves open, with wsim:selfCollision, or make it a collider" if rods.closed else
                              "give wsim:selfCollision to both, or what they shall meet as a collider")
     if scene.things("Body"):
         yield from _check_strands_in_bodies(rods, scene)

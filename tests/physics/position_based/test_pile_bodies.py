@@ -1,0 +1,91 @@
+"""Rigid bodies and colliders among grains: what rests on a pile, what holds one, and what a pile pours through."""
+
+import numpy as np
+import pytest
+
+import wsim
+from wsim import Box, Motion, Plane, Scene, Surface
+from wsim.physics.position_based.objects import Grains
+
+R = 0.01
+MASS = 2600.0 * 4.0 / 3.0 * np.pi * R**3
+
+
+def filled_box(ratio, buried):
+    """300 grains between walls, and a box of `ratio` times the mass of one, on them or within."""
+    scene = Scene(fps=60, substeps=32, iterations=4)
+    scene.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.5)
+    for k, (x, z) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
+        half = (0.02, 0.3, 0.12) if x else (0.12, 0.3, 0.02)
+        scene.collider(f"/wall{k}", Box(half), at=(0.104 * x, 0.3, 0.104 * z), static_friction=0.5, dynamic_friction=0.5)
+    points = 2.05 * R * (np.indices((8, 6, 8)).reshape(3, -1).T - [3.5, 0, 3.5]) + [0, R, 0]
+    points += np.random.default_rng(0).uniform(-0.02 * R, 0.02 * R, points.shape)
+    at = np.array([0.0, 0.0615, 0.0]) if buried else np.array([0.0, 2.05 * R * 6 + 0.042, 0.0])
+    if buried:
+        points = points[(np.abs(points - at) > 0.04 + 1.01 * R).any(axis=1)]
+    scene.particles("/grains", points=points, radius=R, material=Grains(static_friction=0.5, dynamic_friction=0.5))
+    scene.body("/box", Box((0.04, 0.04, 0.04)), at=tuple(at), mass=ratio * MASS, static_friction=0.5, dynamic_friction=0.5)
+    return scene, at[1]
+
+
+@pytest.mark.parametrize(("ratio", "buried"), [(0.1, False), (100, False), (1, True), (100, True)])
+def test_a_box_rests_on_grains_and_among_them(ratio, buried):
+    """From 2 (on them) and 21 to 2100 kg/m^3 it neither floats up nor sinks by more than the pile settles, and stops."""
+    scene, height = filled_box(ratio, buried)
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(45)
+    before = simulation.poses()["/box"][1, 3]
+    simulation.run(15)
+    pose = simulation.poses()["/box"]
+    assert abs(pose[1, 3] - before) < 0.01 * R and abs(pose[1, 3] - height) < 0.8 * R and pose[1, 1] > 0.999
+    assert np.abs(simulation.velocities("/grains")).max() < 0.05
+
+
+def surface_of_profile(radii, heights):
+    """A closed surface: a profile that is turned about y."""
+    angle, m = np.arange(24) / 24.0 * 2.0 * np.pi, len(radii)
+    points = np.stack([np.outer(radii, np.cos(angle)), np.repeat(np.array(heights)[:, None], 24, 1),
+                       np.outer(radii, np.sin(angle))], axis=-1).reshape(-1, 3)
+    faces = [[k * 24 + j, (k + 1) % m * 24 + j, (k + 1) % m * 24 + (j + 1) % 24, k * 24 + (j + 1) % 24]
+             for k in range(m) for j in range(24)]
+    return Surface(points, np.full(len(faces), 4), np.array(faces).ravel())
+
+
+def test_a_hopper_of_a_thin_wall_pours_through_its_hole_alone():
+    """Wall of 2 mm, grains of 6 mm, 8 x 4: those that leave are below the hole, none is behind the wall."""
+    scene, r, hole = Scene(fps=60, substeps=8, iterations=4), 0.006, 0.035
+    surface = surface_of_profile([0.12, hole, hole, hole + 0.002, hole + 0.002, 0.122], [0.3, 0.16, 0.12, 0.12, 0.16, 0.3])
+    scene.collider("/hopper", surface, static_friction=0.3, dynamic_friction=0.3)
+    scene.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.5)
+    points = 2.1 * r * (np.indices((9, 9, 9)).reshape(3, -1).T - [4, 0, 4]) + [0, 0.25, 0]
+    points = points[np.hypot(points[:, 0], points[:, 2]) < 0.1 - r - 0.6 * np.maximum(0.3 - points[:, 1], 0.0)]
+    scene.particles("/grains", points=points, radius=r, material=Grains(static_friction=0.3, dynamic_friction=0.3))
+    simulation = wsim.Simulation(scene, device="cpu")
+    for _ in range(36):
+        simulation.step()
+        x = simulation.positions("/grains").astype(float)
+        inner = np.interp(x[:, 1], [0.12, 0.16, 0.3], [hole, hole, 0.12])
+        assert not np.any((x[:, 1] > 0.125) & (x[:, 1] < 0.3) & (np.hypot(x[:, 0], x[:, 2]) > inner))
+    assert np.count_nonzero(x[:, 1] < 0.12) > 50
+
+
+def test_a_bucket_that_turns_over_keeps_its_grains_until_then():
+    """A mesh collider of a thin wall turns by 2.6 rad in half a second: none leaks before, all are on the floor at the end."""
+    scene, r, frames, wall = Scene(fps=60, substeps=8, iterations=4), 0.008, 72, 0.006
+    time = np.arange(frames + 1) / 60.0
+    angle, poses = np.clip((time - 0.4) / 0.5, 0.0, 1.0) * 2.6, np.tile(np.eye(4), (frames + 1, 1, 1))
+    poses[:, 0, 0] = poses[:, 1, 1] = np.cos(angle)
+    poses[:, 0, 1], poses[:, 1, 0] = -np.sin(angle), np.sin(angle)
+    surface = surface_of_profile([0.08, 0.06, 0.001, 0.001, 0.06 + wall, 0.08 + wall], [0.12, 0, 0, -wall, -wall, 0.12])
+    scene.collider("/bucket", surface, motion=Motion(time, poses), static_friction=0.4, dynamic_friction=0.4)
+    scene.collider("/floor", Plane(), at=(0, -0.3, 0), static_friction=0.5, dynamic_friction=0.5)
+    points = 2.1 * r * (np.indices((7, 6, 7)).reshape(3, -1).T - [3, 0, 3]) + [0, 1.3 * r, 0]
+    points = points[np.hypot(points[:, 0], points[:, 2]) < 0.05]
+    scene.particles("/grains", points=points, radius=r, material=Grains(static_friction=0.4, dynamic_friction=0.4))
+    simulation = wsim.Simulation(scene, device="cpu")
+    for _ in range(24):
+        simulation.step()
+        x = simulation.positions("/grains").astype(float)
+        assert x[:, 1].min() > 0.0 and np.all(np.hypot(x[:, 0], x[:, 2]) < np.interp(x[:, 1], [0.0, 0.12], [0.06, 0.08]))
+    simulation.run(frames - 24)
+    assert simulation.positions("/grains")[:, 1].max() < -0.2
