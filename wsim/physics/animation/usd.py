@@ -19,7 +19,7 @@ from wsim.scene.curve import Curve, Motion
 from wsim.usd import names
 from wsim.usd.attributes import read_attribute, read_times
 from wsim.usd.stage import StageReading, StageUnits
-from wsim.usd.transforms import read_placement, split_rotation_scale
+from wsim.usd.transforms import read_placement, split_placement
 
 __all__ = ["author", "follow", "hang", "load"]
 
@@ -73,16 +73,12 @@ def sound(reading: StageReading, bound) -> None:
 def _read_skeleton(reading: StageReading, prim: Usd.Prim, query: UsdSkel.SkeletonQuery) -> Skeleton | None:
     path, units = prim.GetPath(), reading.units
     place = read_placement(reading, prim)
-    frames, stretches = place.frame.copy(), []
     try:
-        for k in range(len(frames)):
-            R, S = split_rotation_scale(place.linear[k])
-            frames[k][:3, :3] = R
-            stretches.append(S)
+        frames, stretches = split_placement(place)
     except ValueError as error:
         reading.fail(path, str(error))
         return None
-    if np.abs(np.array(stretches) - stretches[0]).max() > SAME * np.abs(stretches[0]).max():
+    if np.abs(stretches - stretches[0]).max() > SAME * np.abs(stretches[0]).max():
         return None
     if lost := _missing_animation_path(prim, query):
         unused = UsdSkel.Animation(reading.stage.GetPrimAtPath(lost)) and not prim.HasAPI(UsdSkel.BindingAPI)

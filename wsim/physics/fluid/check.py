@@ -1,6 +1,7 @@
 """What can be wrong with a fluid and its sources. NumPy only."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -126,20 +127,28 @@ def _check_fluid_box(fluid: Fluid) -> Iterator[Problem]:
                              f"has")
 
 
-def _check_fluid_sides(fluid: Fluid) -> Iterator[Problem]:
-    path = fluid.path
-    if len(fluid.sides) != 6 or any(kind not in KINDS for kind in fluid.sides):
-        yield thing_error(path, f"sides are {fluid.sides}", f"six of {', '.join(KINDS)}",
+def check_box_sides(box: Any, kinds: tuple[str, ...]) -> Iterator[Problem]:
+    """Problems of the sides of a box of smoke or liquid: six of some kinds, those of an axis periodic both or none."""
+    path = box.path
+    if len(box.sides) != 6 or any(kind not in kinds for kind in box.sides):
+        yield thing_error(path, f"sides are {box.sides}", f"six of {', '.join(kinds)}",
                            "name what is at -x, +x, -y, +y, -z, +z")
         return
-    for a, n in enumerate(fluid.shape):
-        low, high = fluid.sides[2 * a:2 * a + 2]
+    for a, n in enumerate(box.shape):
+        low, high = box.sides[2 * a:2 * a + 2]
         if (low == "periodic") != (high == "periodic"):
             yield thing_error(path, f"side {SIDES[2 * a]} is {low} and side {SIDES[2 * a + 1]} is {high}",
                                "both of an axis periodic", "make the other one periodic too")
         elif low == "periodic" and n > 1 and n % 2:
             yield thing_error(path, f"it is periodic along {'xyz'[a]}, with {n} cells", "an even number of cells there",
                                "give one cell more or less")
+
+
+def _check_fluid_sides(fluid: Fluid) -> Iterator[Problem]:
+    path = fluid.path
+    yield from check_box_sides(fluid, KINDS)
+    if len(fluid.sides) != 6 or any(kind not in KINDS for kind in fluid.sides):
+        return
     for k, kind in enumerate(fluid.sides):
         if kind != "closed" and np.any(fluid.side_velocities[k]):
             yield object_warning(path, f"side {SIDES[k]} is {kind} and has a velocity", "velocities of closed sides",

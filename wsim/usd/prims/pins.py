@@ -22,7 +22,7 @@ from wsim.usd.attributes import author_attribute, read_attribute
 from wsim.usd.prims.painted import LEVELS, read_vertex_map
 from wsim.usd.prims.springs import particles_of_vertices, vertices_of_particles
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
-from wsim.usd.transforms import author_motion, read_placement, split_rotation_scale
+from wsim.usd.transforms import author_motion, read_placement, split_placement
 
 if TYPE_CHECKING:
     pass
@@ -122,16 +122,11 @@ def _set_pin_target(reading: StageReading, prim: Usd.Prim, pin: Pin, target: str
         return False
     pin.target = "" if target == f"{pin.path}/{FRAME}" else target
     place = read_placement(reading, xform)
-    frames, stretches = place.frame.copy(), []
     try:
-        for k in range(len(frames)):
-            R, S = split_rotation_scale(place.linear[k])
-            frames[k][:3, :3] = R
-            stretches.append(S)
+        frames, S = split_placement(place)
     except ValueError as error:
         reading.fail(target, str(error))
         return False
-    S = np.array(stretches)
     if np.abs(S - S[0]).max() > 1e-6 * np.abs(S).max():
         reading.warn(target, "its scale is animated and points are pinned to it; the scale at its first key is held")
     if pin.places is not None and not np.array_equal(S[0], np.eye(3)):

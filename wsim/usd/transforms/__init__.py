@@ -227,6 +227,14 @@ def split_rotation_scale(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarra
     return R, np.diag(lengths)
 
 
+def split_placement(place: Placement) -> tuple[np.ndarray, np.ndarray]:
+    """Rigid frames (keys, 4, 4) and what stretches before them (keys, 3, 3). Raises ValueError as `split_rotation_scale`."""
+    frames, stretches = place.frame.copy(), np.zeros((len(place.frame), 3, 3))
+    for k in range(len(frames)):
+        frames[k][:3, :3], stretches[k] = split_rotation_scale(place.linear[k])
+    return frames, stretches
+
+
 def author_motion(prim: Usd.Prim, motion: Motion, units: StageUnits, frames: int) -> None:
     """Writes local-to-world `motion` on a prim, whose stack is reset if anything above it has a transform."""
     xformable = UsdGeom.Xformable(prim)

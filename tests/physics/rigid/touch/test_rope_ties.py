@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tools.bench.rigid.answers.tied import momenta, whirling
 from wsim.physics.rods import coupled_newton
 from wsim.scene import Box, Motion, Scene, SceneError, Sphere
 from wsim.scene.check.scene import check_scene
@@ -28,31 +29,12 @@ def hung(weight: float, size: float = 1.0, at=(0.0, 0.0, 0.0), asleep: bool = Fa
     return scene
 
 
-def thrown(mass: float, substeps: int = 4) -> Scene:
-    """A body and a rope of 0.08 kg that whirl about each other in free flight."""
-    scene = Scene(fps=60, substeps=substeps, gravity=(0.0, 0.0, 0.0))
-    x = np.stack([np.linspace(0.1, 1.1, 9), np.zeros(9), np.zeros(9)], axis=1)
-    rope = scene.rods("/rope", x, [9], diameters=0.01, young=1e7, velocities=np.cross((0.0, 0.0, 3.0), x) + (0.0, 0.0, 0.3))
-    body = scene.body("/body", Box((0.1, 0.06, 0.03)), mass=mass, spin=(0.0, 0.0, 3.0), velocity=(0.1, 0.2, 0.3))
-    scene.tie("/tie", rope, [0], body)
-    return scene
-
-
-def momenta(simulation) -> tuple[np.ndarray, np.ndarray]:
-    """Linear and angular momentum about the origin of all there is."""
-    rods, rigid = simulation.plan.method("rods"), simulation.plan.method("rigid")
-    x, v = rods.points(0)
-    m = rods.table.values["m"].reshape(-1)[rods.table.place[0]][:, None]
-    p, c = rigid.read("p"), rigid.origin + rigid.get("x") + rigid.get("e")
-    return (m * v).sum(0) + p.sum(0), np.cross(x, m * v).sum(0) + (rigid.read("L") + np.cross(c, p)).sum(0)
-
-
 @pytest.mark.parametrize("team", [False, True])
 @pytest.mark.parametrize("mass", [8e-5, 1.0, 80.0])
 def test_a_body_and_a_rope_in_flight_keep_their_momentum(mass, team, monkeypatch):
     """A body of a 1000th, 12 times and 1000 times the rope's mass: linear momentum to 1e-9 of what they have."""
     monkeypatch.setattr(coupled_newton, "TEAM", team)
-    simulation, _ = simulated(thrown(mass))
+    simulation, _ = simulated(whirling(mass, 4))
     first, _ = momenta(simulation)
     simulation.run(20)
     assert np.abs(momenta(simulation)[0] - first).max() < 1e-9 * np.linalg.norm(first)
@@ -63,7 +45,7 @@ def test_the_angular_momentum_that_is_lost_is_of_first_order():
     """Backward Euler: half of the step, half of the loss."""
     lost = []
     for substeps in (4, 8, 16):
-        simulation, _ = simulated(thrown(1.0, substeps))
+        simulation, _ = simulated(whirling(1.0, substeps))
         first = momenta(simulation)[1]
         simulation.run(20)
         lost.append(np.linalg.norm(momenta(simulation)[1] - first) / np.linalg.norm(first))

@@ -35,6 +35,7 @@ def timed_run(scene: Scene, frames: int):
 
 
 def whirling(mass: float, substeps: int) -> Scene:
+    """A body of a mass [kg] and a rope of 0.08 kg that whirl about each other in free flight."""
     scene = Scene(fps=60, substeps=substeps, gravity=(0.0, 0.0, 0.0))
     x = np.stack([np.linspace(0.1, 1.1, 9), np.zeros(9), np.zeros(9)], axis=1)
     rope = scene.rods("/rope", x, [9], diameters=0.01, young=1e7, velocities=np.cross((0.0, 0.0, 3.0), x) + (0.0, 0.0, 0.3))
@@ -44,7 +45,7 @@ def whirling(mass: float, substeps: int) -> Scene:
 
 
 def momenta(simulation) -> tuple[np.ndarray, np.ndarray]:
-    """Linear and angular momentum about the origin."""
+    """Linear [kg m/s] and angular momentum [kg m^2/s] about the origin, of a rope and a body, (3,) each."""
     rods, rigid = simulation.plan.method("rods"), simulation.plan.method("rigid")
     x, v = rods.points(0)
     m = rods.table.values["m"].reshape(-1)[rods.table.place[0]][:, None]

@@ -10,7 +10,7 @@ from wsim.scene.solids import SAME
 from wsim.usd.attributes import author_times, read_times, to_usd_array
 from wsim.usd.prims.colliders import author_shape, has_shape, load_shape
 from wsim.usd.stage import StageReading, StageUnits
-from wsim.usd.transforms import author_motion, read_placement, split_rotation_scale
+from wsim.usd.transforms import author_motion, read_placement, split_placement
 
 SOURCES = "a Plane, Sphere, Cube, Capsule, Cylinder, Cone, Points with widths, or a closed Mesh"
 
@@ -33,9 +33,8 @@ def load_source_shape(reading: StageReading, prim: Usd.Prim) -> tuple[Shape | Po
     radii = read_radii(reading, prim, len(found[0])) if found else None
     if found is None or radii is None:
         return None
-    (points, poses), frames, S = found, place.frame.copy(), np.eye(3)
-    for k in range(len(frames)):
-        frames[k][:3, :3], S = split_rotation_scale(place.linear[k])
+    (points, poses), (frames, stretches) = found, split_placement(place)
+    S = stretches[-1]
     poses = None if poses is None else poses.replaced(poses.values @ S)
     return PointCloud(points @ S, float(scales[0, 0]) * radii, poses), place.follow(frames)
 

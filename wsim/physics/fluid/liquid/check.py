@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from wsim.physics.fluid import start
-from wsim.physics.fluid.check import LEAST, LONG
+from wsim.physics.fluid.check import LEAST, LONG, check_box_sides
 from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
-from wsim.physics.fluid.objects import SIDES
 from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import check_rigid_motion, check_step_count, object_warning, thing_error
 
@@ -28,7 +27,7 @@ def _check_liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
         yield from _check_liquid_cells(liquid)
         yield from _check_liquid_filled(liquid, scene)
         yield from start.covering_colliders(liquid, scene, "room")
-    yield from _check_liquid_sides(liquid)
+    yield from check_box_sides(liquid, KINDS)
     if liquid.transfer not in TRANSFERS:
         yield thing_error(path, f"transfer is '{liquid.transfer}'", ", ".join(TRANSFERS), "choose one of them")
     yield from check_step_count(path, "steps", liquid.steps, 0)
@@ -79,22 +78,6 @@ def _check_liquid_filled(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
     elif not any(_source_meets_liquid(source, liquid) for source in give):
         yield thing_error(liquid.path, f"what fills it is outside of it: {', '.join(s.path for s in give)}",
                            "shapes within its box", "move them, or enlarge the box")
-
-
-def _check_liquid_sides(liquid: Liquid) -> Iterator[Problem]:
-    path = liquid.path
-    if len(liquid.sides) != 6 or any(kind not in KINDS for kind in liquid.sides):
-        yield thing_error(path, f"sides are {liquid.sides}", f"six of {', '.join(KINDS)}",
-                           "name what is at -x, +x, -y, +y, -z, +z")
-        return
-    for a, n in enumerate(liquid.shape):
-        low, high = liquid.sides[2 * a:2 * a + 2]
-        if (low == "periodic") != (high == "periodic"):
-            yield thing_error(path, f"side {SIDES[2 * a]} is {low} and side {SIDES[2 * a + 1]} is {high}",
-                               "both of an axis periodic", "make the other one periodic too")
-        elif low == "periodic" and n > 1 and n % 2:
-            yield thing_error(path, f"it is periodic along {'xyz'[a]}, with {n} cells", "an even number of cells there",
-                               "give one cell more or less")
 
 
 def _check_liquid_source(source: LiquidSource, scene: Scene) -> Iterator[Problem]:
