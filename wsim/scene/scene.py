@@ -161,7 +161,8 @@ class Scene(ArrayDataclass):
         return self.add(method_file("Soft", "objects").Soft(path, points, tets, **more))
 
     def clusters(self, path: str, points, **more) -> Any:
-        """Adds points (n, 3) [m] kept in clusters by shape matching; see `wsim.physics.soft.clusters.objects.Clusters`."""
+        """Adds points (n, 3) [m] kept in clusters by shape matching, with mass=... [kg] of all or masses=... (n,); see
+        `wsim.physics.soft.clusters.objects.Clusters`."""
         return self.add(method_file("Clusters", "objects").Clusters(path, points, **more))
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
@@ -172,8 +173,9 @@ class Scene(ArrayDataclass):
         return self.colliders[-1]
 
     def particles(self, path: str, shape=None, at=(0.0, 0.0, 0.0), radius=0.01, **more) -> Any:
-        """Adds particles that constraints move (`wsim.physics.position_based.objects.Particles`), of `radius` [m]: they fill a
-        closed shape at a place `at` (3,) [m] or with motion=..., or are points=... (n, 3) [m]; pour: a `Pour` of later ones."""
+        """Adds grains, or material="fluid", that constraints move (`wsim.physics.position_based.objects.Particles`), of a
+        `radius` [m]: they fill a closed shape at a place `at` (3,) [m] or with motion=..., or are points=... (n, 3) [m]; pour:
+        a `Pour` of later ones. Raises SceneError where a shape is open, or holds no particle or too many."""
         more["motion"] = _motion_or_placement(path, at, more)
         return self.add(method_file("Particles", "objects").make_particles(path, shape, radius, more))
 

@@ -31,11 +31,12 @@ LOOKS = 4                # times a frame at which a motion is evaluated; it is l
 
 @dataclass(frozen=True)
 class Pour:
-    """When and how much a shape pours, as in `Pour(start=0.5, end=2.0, rate=3.0)`.
+    """When and how much a shape pours, as in `Pour(start=0.5, end=2.0, rate=3.0)`: of `scene.particles` and `scene.mpm`, which
+    give the shape, the velocity and the material. Equation: the head of this file.
 
     start   [s] from the scene's start; what would come before the first frame that is simulated does not come
-    end     [s]; inf: without end
-    rate    mass a time [kg/s]; None: as much as its cross-section carries at the velocity
+    end     [s], after the start; inf: without end
+    rate    mass a time [kg/s], above 0 and at most what the cross-section carries at the velocity; None: that much
     """
 
     start: float = 0.0

@@ -1,4 +1,9 @@
-"""Position-based particles of a scene, and what they are made of: plain data in SI units, NumPy only."""
+"""Position-based particles of a scene, and what they are made of: plain data in SI units, NumPy only.
+
+Grains touch by constraints with Coulomb friction (Macklin, Mueller, Chentanez, Kim 2014, mass splitting of Tonge, Benevolenski,
+Voroshilov 2012); fluids keep their density (Macklin, Mueller 2013). Equations: kernels/position_based. Numbers that are out of
+their range raise SceneError when a `Simulation` is made, or by `wsim check`; see check.py.
+"""
 
 from dataclasses import dataclass, field, fields, replace
 from math import inf
@@ -21,9 +26,10 @@ STABLE_VISCOSITY = 0.1 # h mu / (rho (2 r)^2), up to which the explicit step of 
 class Grains:
     """Round grains that touch and rub, as in `Grains(static_friction=0.6, dynamic_friction=0.6)`.
 
-    density             of a grain [kg/m^3]
-    static_friction     coefficient [1] up to which a contact sticks; of two grains, or a grain and a collider, the mean counts
-    dynamic_friction    coefficient of a contact that slides [1]
+    density             of a grain [kg/m^3], above 0
+    static_friction     coefficient [1] up to which a contact sticks, 0 or more; of two grains, or a grain and a collider, the
+                        mean counts
+    dynamic_friction    coefficient of a contact that slides [1], 0 or more
     rolling_friction    torque that resists rolling over normal force and radius, at most [1] (Ai et al. 2011): 0 rolls freely,
                         a ball stays on slopes up to that tangent; of two grains the mean counts. None: grains do not turn
     """
@@ -34,20 +40,23 @@ class Grains:
     rolling_friction: float | None = None
 
     def particle_mass(self, radius: np.ndarray) -> np.ndarray:
-        """Mass [kg] of a particle of that radius [m]: a ball."""
+        """Mass [kg] of particles of these radii (n,) [m], (n,): balls."""
         return self.density * (4.0 / 3.0 * np.pi) * radius**3
 
 
 @dataclass(frozen=True)
 class ConstraintFluid:
-    """A fluid whose density constraints keep, as in `ConstraintFluid(density=1000.0)`.
+    """A fluid whose density constraints keep (Macklin, Mueller 2013), as in `ConstraintFluid(density=1000.0)`.
 
-    density             at rest [kg/m^3]
-    viscosity           [Pa s]
-    smoothing           part of the differences of velocity that neighbours lose in a substep [1]
-    surface_tension     [N/m]; water against air has 0.072, walls are not wetted
-    static_friction     of contacts with colliders [1]
-    dynamic_friction    of contacts with colliders [1]
+    density             at rest [kg/m^3], above 0
+    viscosity           [Pa s] (Morris, Fox, Zhu 1997), 0 or more; beyond `viscosity_limit` it is reduced, with a warning
+    smoothing           part of the differences of velocity that neighbours lose in a substep (XSPH) [1], 0 to 0.5
+    surface_tension     [N/m] (Akinci, Akinci, Teschner 2013), 0 or more; water against air has 0.072; walls are not wetted;
+                        beyond `tension_limit` it is reduced, with a warning
+    static_friction     of contacts with colliders [1], 0 or more
+    dynamic_friction    of contacts with colliders [1], 0 or more
+
+    All fluids of a scene have one radius.
     """
 
     density: float = 1000.0
@@ -58,15 +67,17 @@ class ConstraintFluid:
     dynamic_friction: float = 0.0
 
     def particle_mass(self, radius: np.ndarray) -> np.ndarray:
-        """Mass [kg] of a particle of that radius [m]: a cube of two radii."""
+        """Mass [kg] of particles of these radii (n,) [m], (n,): cubes of two radii, which is what one has of a lattice."""
         return self.density * (2.0 * radius) ** 3
 
     def tension_limit(self, radius: float, h: float) -> float:
-        """Surface tension [N/m] that explicit substeps of h [s] carry, of particles of a radius [m]."""
+        """Largest surface tension [N/m] that explicit substeps of h [s] carry, of particles of a radius [m]:
+        h^2 sigma / m = 0.02; at 0.08 drops do not come to rest."""
         return STABLE_TENSION * self.density * (2.0 * radius) ** 3 / h**2
 
     def viscosity_limit(self, radius: float, h: float) -> float:
-        """Viscosity [Pa s] that explicit substeps of h [s] carry, of particles of a radius [m]."""
+        """Largest viscosity [Pa s] that explicit substeps of h [s] carry, of particles of a radius [m]:
+        h mu / (rho (2 r)^2) = 0.1."""
         return STABLE_VISCOSITY * self.density * (2.0 * radius) ** 2 / h
 
 
@@ -79,9 +90,10 @@ class Particles(Deformable):
     `scene.particles("/sand", Box((0.1, 0.1, 0.1)), at=(0, 0.1, 0), radius=0.005)`.
 
     path         prim path
-    points       (n, 3) [m], own frame
-    radius       of each particle, (n,) or (1,) for all [m]; those of a fluid are two radii apart at rest
-    material     `Grains` of `wsim.physics.position_based.objects`, or "grains"
+    points       (n, 3) [m], own frame, float32 or float64
+    radius       of each particle, (n,) or (1,) for all [m], above 0; those of a fluid are alike, and two radii apart at rest;
+                 those of grains differ by a factor of 50 at most
+    material     `Grains` or `ConstraintFluid` of `wsim.physics.position_based.objects`, or "grains", "fluid" for their defaults
     motion       own frame to world at the start, lengths [m]
     velocities   at the start, (n, 3) [m/s], own frame; None: at rest
     colors       linear RGB, 0 to 1 [1], of all, (3,), or of each particle (n, 3); None: by the material
@@ -89,6 +101,9 @@ class Particles(Deformable):
     velocity     of all at the start, (3,) [m/s], own frame, where `velocities` says nothing
     pour         `Pour`: the shape is empty at the start, and pours with the velocity, which turns with it; a motion may carry
                  it; a `PointCloud` is a shape of balls. None: all are there at the start
+
+    `make_particles` fills a shape. Raises ValueError, with the path and the name, where an array holds no numbers or rows of
+    another length, or `pour` is no `Pour`.
     """
 
     noun, plural, model, is_particles = "particles", True, "particles", True
@@ -195,7 +210,7 @@ LOOSE = 1.1            # edge of a lattice of grains over their diameter: moved 
 
 
 def lattice_edge(radius: float, is_fluid: bool) -> float:
-    """Edge of the lattice of particles of a radius [m]."""
+    """Edge [m] of the lattice that particles of a radius [m] begin on: 2 r of a fluid, 2.2 r of grains."""
     return 2.0 * float(radius) * (1.0 if is_fluid else LOOSE)
 
 

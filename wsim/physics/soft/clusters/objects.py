@@ -41,6 +41,9 @@ class Clusters(Deformable):
     dynamic_friction    coefficient of friction of a contact that slides [1]
     self_collision      True: its surface passes neither through itself, nor others that say so, nor mesh colliders and boxes;
                         without a surface its points are balls of `radius` that touch particles, surfaces, other such clouds
+
+    Raises ValueError, with the path and the name, where an array holds no numbers or rows of another length. Numbers out of
+    their range, and clusters whose points lie in a line, raise SceneError when a `Simulation` is made.
     """
 
     noun, is_cluster = "shape-matching body", True
