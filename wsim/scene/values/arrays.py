@@ -13,13 +13,13 @@ class WrongArray(ValueError):
         self.value = value
 
 
-def as_numbers(value, shape: tuple[int, ...]) -> np.ndarray:
+def as_numbers(value, shape: tuple[int, ...], numbers: str = "numbers") -> np.ndarray:
     """value as an array. Raises WrongArray where its members are no numbers, or its rows differ in length."""
     try:
         given = np.asarray(value)
         return given.astype(np.float64) if given.dtype.kind not in "buif" and given.size else given
     except (TypeError, ValueError):
-        rows = f"rows of {shape[-1]} numbers" if len(shape) > 1 else "numbers"
+        rows = f"rows of {shape[-1]} {numbers}" if len(shape) > 1 else numbers
         found = " ".join(repr(value).split())
         raise WrongArray(value, f"found {found:.60} where {rows} belong; fix: give a NumPy array of them") from None
 
@@ -29,7 +29,7 @@ def contiguous_array(value, dtype, *shape):
     points are none (a mask, fractions), and as `as_numbers` and `demand_rows` do."""
     if value is None:
         return None
-    given = as_numbers(value, shape)
+    given = as_numbers(value, shape, "whole numbers" if dtype is np.int32 else "numbers")
     demand_rows(value, given, shape)
     if dtype is np.int32 and given.dtype == bool:
         raise WrongArray(value, "found a mask where numbers of points or the like belong; give numpy.flatnonzero(mask)")
