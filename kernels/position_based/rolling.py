@@ -38,6 +38,7 @@ def rolling_type(real):
         phi: wp.array(dtype=t.vec3)        # before an iteration, by k [m]
         own: wp.array(dtype=t.vec3)        # a over w; mu_r; radius [m], by k
         q: wp.array(dtype=t.vec3)          # torque over r on the grain, times g, by contact [kg m]
+        arm: wp.array(dtype=t.scalar)      # f, by contact
         torque: wp.array(dtype=t.vec3)     # over r, by entry of what contacts have borne [N]
 
     return RollingGrains
@@ -45,14 +46,14 @@ def rolling_type(real):
 
 @cache
 def roll_mean_func(real):
-    """Function (own_i, own_j) -> mu_r of a pair: the mean, or that of the one that turns."""
+    """Function (own_i, own_j) -> mu_r of a pair: the mean, or that of the one that turns; 0 of none."""
     t = types(real)
 
     @wp.func
     def mean_rolling_friction(own: t.vec3, other: t.vec3):
-        if own[0] == real(0.0):
-            return other[1]
-        if other[0] == real(0.0):
+        if own[1] < real(0.0):
+            return wp.max(other[1], real(0.0))
+        if other[1] < real(0.0):
             return own[1]
         return real(0.5) * (own[1] + other[1])
 
@@ -121,6 +122,10 @@ def roll_solve_kernel(real, module):
         i = rows.point[c.order[k]]
         w = g.w[i]
         own = r.own[k]
+        own_phi = r.phi[k]
+        own_rub = g.rub[k]
+        u = g.u[k]
+        split = g.split[k]
         given = t.vec3()
         turned = t.vec3()
         for s in range(m):
@@ -128,17 +133,20 @@ def roll_solve_kernel(real, module):
             o = q.other[slot]
             held = q.support[slot]
             n = q.n[slot]
-            f = wp.dot(n, g.y[k] - g.y[o]) / (own[2] + r.own[o][2])
-            away = g.u[k] - g.u[o]
-            phi = r.phi[k]
-            each = t.vec3(g.split[k], g.split[o], f)
+            L = q.L[slot]
+            away = u - g.u[o]
+            if held < 0 or (held == 0 and wp.length_sq(L) == real(0.0) and q.b[slot] + wp.dot(n, away) >= real(0.0)):
+                continue                                     # it does not press, and did not: most of those near
+            f = r.arm[slot]
+            phi = own_phi + t.vec3()
+            each = t.vec3(split, g.split[o], f)
             if held == 1:
                 each = t.vec3(w, real(0.0), f)
                 away += w * given + (real(1.0 - PUSHED) * wp.max(wp.dot(n, g.u[o]), real(0.0))) * n
                 phi += (own[0] * w) * turned
-            if each[0] + each[1] > real(0.0) and held >= 0:
-                old = wp.matrix_from_rows(q.L[slot], r.q[slot])
-                rub = real(0.5) * (g.rub[k] + g.rub[o])
+            if each[0] + each[1] > real(0.0):
+                old = wp.matrix_from_rows(L, r.q[slot])
+                rub = real(0.5) * (own_rub + g.rub[o])
                 new = solve(n, away, wp.matrix_from_rows(phi, r.phi[o]), own, r.own[o], each,
                             t.vec3(q.b[slot], rub[0], rub[1]), old)
                 q.L[slot] = new[0]
@@ -168,7 +176,7 @@ def roll_warm_kernel(real, module):
         if wp.length_sq(roll.phi[i]) == real(0.0):           # it did not turn, and does so only where it carries less
             most = real(FREE)
         own[0] = real(0.0)
-        if own[2] > real(0.0) and g.held[k][2] <= most:
+        if own[2] > real(0.0) and g.held[k][1] <= most:
             own[0] = real(SPHERE)
         roll.own[i] = own
         if own[0] == real(0.0):
@@ -191,9 +199,10 @@ def roll_warm_kernel(real, module):
                 if size > bound:
                     torque *= bound / size
             r.q[slot] = torque
+            R = rows.reach[p] + rows.reach[o]
+            f = wp.dot(n, g.y[k] - g.y[q.other[slot]]) / R
+            r.arm[slot] = f
             if q.support[slot] >= 0:
-                R = rows.reach[p] + rows.reach[o]
-                f = wp.dot(n, g.y[k] - g.y[q.other[slot]]) / R
                 turned += (rows.reach[o] / R) * torque - f * wp.cross(n, q.L[slot])
         if own[0] > real(0.0):
             roll.phi[i] = roll.phi[i] + (own[0] * g.w[i]) * turned

@@ -41,7 +41,7 @@ def roll_type(real):
 
     @wp.struct
     class RollTable:
-        own: wp.array(dtype=t.vec3)        # a over w, 0 of what does not turn; mu_r; radius [m]
+        own: wp.array(dtype=t.vec3)        # a over w, 0 of what does not turn now; mu_r, -1: never; radius [m]
         spin: wp.array(dtype=t.vec3)       # angular velocity [rad/s]
         phi: wp.array(dtype=t.vec3)        # in this substep [m]
         q: wp.array(dtype=t.vec3)          # of contacts with colliders, by their slots [m]

@@ -146,19 +146,19 @@ def test_a_tower_of_three_balls_falls_if_they_roll_freely(rolling, stands):
     assert not stands or np.abs(simulation.velocities()).max() < 1e-5
 
 
-@pytest.mark.parametrize("iterations", [2, 4])                     # carried, and not
+@pytest.mark.parametrize("iterations", [2, 8])                     # carried, and not
 def test_a_heap_that_rolls_with_resistance_comes_to_rest(iterations):
     scene = Scene(fps=60, substeps=8, iterations=iterations)
     scene.collider("/floor", wsim.Plane(), static_friction=0.5, dynamic_friction=0.5)
-    scene.particles("/grains", wsim.Box((0.02, 0.02, 0.02)), at=(0, 0.025, 0), radius=0.004,
-                    material=Grains(rolling_friction=0.1))
+    scene.particles("/grains", wsim.Box((0.025, 0.05, 0.025)), at=(0, 0.055, 0), radius=0.004,
+                    material=Grains(rolling_friction=0.2))
     simulation = wsim.Simulation(scene, device="cpu")
     assert next(m for m in simulation.plan.methods if m.name == "grains").deep == (iterations == 2)
     simulation.run(180)
     rest = simulation.positions().copy()
     assert np.abs(simulation.velocities()).max() < 1e-3
     simulation.run(60)
-    assert np.abs(simulation.positions() - rest).max() < 1e-4
+    assert np.abs(simulation.positions() - rest).max() < 2e-4
 
 
 def rolling_pour():

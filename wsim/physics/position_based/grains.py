@@ -26,7 +26,7 @@ SKIN = 0.3                       # of the diameter: what a pair may come nearer 
 NEIGHBOURS, TOUCHED = 20, 13     # entries of a list, and contacts of a grain, that there is room for at first
 NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD = ("grains: neighbours wanted", "grains: contacts wanted", "grains: fast",
                                                "grains: overlap")
-SWEPT = 10.0                     # iterations a layer: see `stands_deep`
+SWEPT, ROLLED = 10.0, 2.5         # iterations a layer, and of grains that turn: see `stands_deep`
 DEEP = 0.05                      # of the distance of two centres: overlap that is warned of
 FIELDS = (StateField("f", "N", True, "force of a contact on the grain, without what lies on the other"),
           StateField("id", "1", True, "number of the other grain, ascending; -1: no more", "int"))
@@ -36,16 +36,16 @@ SUPPORT = (StateField("felt", "1", True, "upward acceleration by contacts over g
            StateField("ground", "1", True, "substeps that it has rested on something else than grains", "scalar"))
 
 
-def stands_deep(points: SearchedPoints, gravity: Any, rate: float) -> bool:
+def stands_deep(points: SearchedPoints, gravity: Any, rate: float, swept: float = SWEPT) -> bool:
     """Whether iterations, `rate` of them a second, are too few to carry the load of a pile from layer to layer: fewer than
-    SWEPT a layer while a grain falls by its radius. Then what stands on others is carried (kernels/position_based/stacks.py).
+    `swept` a layer while a grain falls by its radius. Then what stands on others is carried (kernels/position_based/stacks.py).
     Else both sides answer all contacts, and momentum is kept to rounding: carried grains that a collider pushes are thrown."""
     size, radius = float(np.linalg.norm(gravity)), float(np.mean(points.reach))
     if size == 0.0:
         return False
     height = float(np.ptp(points.start @ np.asarray(gravity, np.float64) / size))
     layers = max(height / (2.0 * radius), len(points.reach) ** (1.0 / 3.0))
-    return bool(rate * np.sqrt(2.0 * radius / size) < SWEPT * layers)
+    return bool(rate * np.sqrt(2.0 * radius / size) < swept * layers)
 
 
 def build(b: Build) -> GrainContacts:
@@ -83,7 +83,8 @@ class GrainContacts(Method):
         self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)         # None: no grain turns
         self._make_contacts(TOUCHED)
         b.state.add(self.part)
-        self.deep = stands_deep(points, b.scene.gravity, b.scene.fps * b.clock.substeps * b.clock.iterations)
+        self.deep = stands_deep(points, b.scene.gravity, b.scene.fps * b.clock.substeps * b.clock.iterations,
+                                ROLLED if self.rolling else SWEPT)
         self.support_part = StatePart.allocate("grain support", SUPPORT, n, real, b.model.device)
         self.support_part.rows = _rows_of_bodies(self.bodies)
         self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)

@@ -32,7 +32,7 @@ class RollingContacts:
         model, real, n = b.model, b.model.real, b.model.points
         self.grains, self.model = grains, model
         launches = self.launches = ParticleLaunches(model, "rolling")
-        t, own = types(real), np.zeros((n, 3))
+        t, own = types(real), np.tile([0.0, -1.0, 0.0], (n, 1))
         turning = [body for body in grains.bodies if body.source.rolling_friction is not None]
         for body in turning:
             own[body.first:body.last] = law.SPHERE, body.source.rolling_friction, 0.0
@@ -54,7 +54,9 @@ class RollingContacts:
 
     def make_room(self, room: int, torque: Any) -> None:
         """Torques of so many contacts of each grain. torque: those that last."""
-        self.pairs.q, self.pairs.torque = self.launches.zeros(room * self.grains.count, types(self.model.real).vec3), torque
+        n = room * self.grains.count
+        self.pairs.q, self.pairs.torque = self.launches.zeros(n, types(self.model.real).vec3), torque
+        self.pairs.arm = self.launches.zeros(n)
 
     def connect_ports(self, others: Methods) -> None:
         """Contacts with colliders turn grains, too."""
