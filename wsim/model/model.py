@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry import topology
+from wsim.geometry.ordering import row_order
 from wsim.geometry.sheet_ordering import order_of_points
 from wsim.model.launches import KernelLaunches
 from wsim.model.midnodes import held_with_midnodes, memory_neighbours, with_midnode_values
 from wsim.scene import Deformable, Problem, Scene, SceneError
 from wsim.scene.nodal.masses import fill_loose_masses
+
+CELL = 2.6             # edge of the rows of particles over their greatest radius: as of the cells that grains are searched in
 
 
 @dataclass
@@ -167,7 +170,12 @@ def make_body(source: Deformable, world: int, number: int, first: int) -> PointB
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
     one[particle[::-1]] = np.arange(len(places))[::-1]             # first author's point of each particle
-    order = order_of_points(shape.rest[one], particle[memory_neighbours(shape)])  # order[new] = old
+    origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
+    origin = np.round(origin)                                      # whole metres: the origin itself is exact
+    if source.is_particles:                                        # order[new] = old
+        order = row_order(places[one] - origin, CELL * float(shape.reach.max(initial=0.0)) or 1.0)
+    else:
+        order = order_of_points(shape.rest[one], particle[memory_neighbours(shape)])
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
     index = first + place[particle]
@@ -175,8 +183,6 @@ def make_body(source: Deformable, world: int, number: int, first: int) -> PointB
     spin = source.motion.at(0.0)[:3, :3]
     velocities = with_midnode_values(np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T,
                                      shape.ends)[one]
-    origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
-    origin = np.round(origin)                                      # whole metres: the origin itself is exact
     whole = _corners_are_distinct(index[shape.triangles])
     triangles, polygon = index[shape.triangles[whole]], shape.polygon[whole]
     edges = topology.edges_of_triangles(triangles) if source.is_sheet else index[shape.edges]

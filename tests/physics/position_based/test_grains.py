@@ -183,6 +183,35 @@ def test_lists_of_neighbours_are_those_of_all_pairs():
     assert found == set(zip(i.tolist(), j.tolist(), strict=True))
 
 
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_pile_of_millimetres_is_the_same_a_kilometre_away(precision):
+    """float32 has steps of 6e-5 m there, an eighth of a radius: neither places nor the floor may feel them."""
+    near = cube(4, 0.0005, 0.0004) + np.random.default_rng(0).uniform(-2e-5, 2e-5, (64, 3))
+    near = np.round(near * 2.0**24) / 2.0**24                                  # of which sums are exact
+    far, found = np.array([1000.0, 0.0, -333.0]), []
+    for shift in (0.0 * far, far):
+        scene, motion = Scene(fps=240, substeps=8, iterations=4), np.eye(4)
+        scene.collider("/floor", wsim.Plane())
+        motion[:3, 3] = shift                                                  # authored points are float32
+        scene.particles("/grains", points=near, radius=0.0005, motion=wsim.Motion.still(motion))
+        simulation = wsim.Simulation(scene, device="cpu", precision=precision)
+        simulation.run(24)
+        found.append(simulation.positions() - shift)
+        search = grain_method(simulation).search
+        pairs = np.linalg.norm(found[-1][:, None] - found[-1][None], axis=-1) < 0.001
+        assert search.lists.count.numpy().sum() >= pairs.sum() - len(near)
+    assert np.abs(found[1] - found[0]).max() < 1e-9
+
+
+def test_clusters_far_apart_share_few_cells():
+    """Cells follow the layers that hold particles, not the way between them: else all are along one axis."""
+    near = cube(8, 0.004)
+    simulation = grains_on_floor(np.concatenate([near, near + [300.0, 0.0, 0.0]]), 0.004)
+    simulation.run(1)
+    cells = grain_method(simulation).search.cells
+    assert cells.count.numpy()[:-1].max() <= 2 * 8                             # of a cell's edge of 1.3 diameters
+
+
 def test_lists_last_where_nothing_moves():
     simulation = grains_on_floor(cube(3, 0.005))
     simulation.run(30)

@@ -12,6 +12,7 @@ import numpy as np
 
 from wsim.geometry.rotation import matrix_quat
 from wsim.physics.contact.collider.mesh import ColliderMesh
+from wsim.physics.contact.collider.rows import foot_of_planes
 from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check import chord
 from wsim.scene.check.sharp import has_sharp_edges
@@ -63,9 +64,11 @@ class ColliderRowTable:
     kind: list[str]                      # of each distinct collider
     size: np.ndarray                     # [m], (distinct, 3)
     radius: np.ndarray                   # of the bounding ball [m], (distinct,)
+    feet: bool = True                    # planes at rest are placed by `foot_of_planes`; gradients turn about their own places
 
     @staticmethod
-    def build(of_objects: list[list[Collider]], origins: np.ndarray, meshes: dict[int, ColliderMesh]) -> "ColliderRowTable":
+    def build(of_objects: list[list[Collider]], origins: np.ndarray, meshes: dict[int, ColliderMesh],
+              feet: bool = True) -> "ColliderRowTable":
         """of_objects: colliders of each object; origins [m], (objects, 3); meshes by id of their Surface."""
         number: dict[int, int] = {}
         distinct: list[Collider] = []
@@ -80,7 +83,7 @@ class ColliderRowTable:
                                 np.array([number[id(c)] for group in of_objects for c in group], np.int64),
                                 np.repeat(np.asarray(origins, np.float64).reshape(-1, 3), counts, axis=0),
                                 [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
-                                np.array([s[2] for s in shapes], np.float64))
+                                np.array([s[2] for s in shapes], np.float64), feet)
 
     def live(self, breadth: np.ndarray, reach: np.ndarray, whole: np.ndarray | None = None,
              edged: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -154,7 +157,9 @@ class ColliderRowTable:
         way = np.linalg.norm(middle[1:] - middle[:-1], axis=-1)
         own = np.flatnonzero(np.isin(self.collider, number))
         row, origin = np.searchsorted(number, self.collider[own]), self.origin[own]
-        pose = np.concatenate([p[:, row] - origin, turned[:, row]], axis=-1)
+        flat = np.array([self.feet and self.kind[k] == "plane" and not self.colliders[k].motion.moves for k in number],
+                        bool)[row]
+        pose = np.concatenate([foot_of_planes(p[:, row] - origin, R[:, row], flat), turned[:, row]], axis=-1)
         step = np.concatenate([p[1:, row] - p[:-1, row], turn[:, row]], axis=-1)
         ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - origin,
                                (self.radius[number] + 1.5 * way)[:, row, None]], axis=-1)

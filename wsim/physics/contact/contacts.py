@@ -75,7 +75,7 @@ class ColliderContacts:
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: ColliderMesh.build(c, turned) for key, c in surfaces.items()}
-        self.rows = ColliderRowTable.build(bodies.colliders, bodies.origins, self.meshes)
+        self.rows = ColliderRowTable.build(bodies.colliders, bodies.origins, self.meshes, not turned)
         self.kinds = _ordered_shape_kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole, self.rows.sharp(bodies.edged))
         self.owner = np.full(len(self.rows.collider), -1)     # rigid body of each row

@@ -33,3 +33,11 @@ def fill_collider_table(real: Any, device: Any, kinds: list[str], *, moments: in
     still = t.transform(t.vec3(), t.quat(0.0, 0.0, 0.0, 1.0))
     found.pose = wp.full((moments, n), still, dtype=t.transform, device=device)
     return found
+
+
+def foot_of_planes(away: np.ndarray, R: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """Places of rows from an origin [m], (..., rows, 3), with planes at the foot of the perpendicular from it: as good as any
+    other point of a plane that stays where it is, and a pose 1 km away would round what is near by 6e-5 m in float32.
+    R: rotations, whose third column is the normal, (..., rows, 3, 3); flat: which rows are planes at rest, (rows,)."""
+    n = R[..., :, 2]
+    return np.where(flat[:, None], n * np.sum(n * away, axis=-1, keepdims=True), away)

@@ -21,7 +21,7 @@ from wsim.kernels.math.real import types
 from wsim.model.model import Model
 from wsim.physics.contact.collider.mesh import outward_triangles
 from wsim.physics.contact.collider.point_cloud import PointCloud, device_points
-from wsim.physics.contact.collider.rows import fill_collider_table
+from wsim.physics.contact.collider.rows import fill_collider_table, foot_of_planes
 from wsim.scene import Surface, solids
 from wsim.scene.solids import shape_row
 
@@ -83,7 +83,7 @@ class ColliderTable:
                 for thing, mesh in zip(things, self.meshes, strict=True)]
         kept = [getattr(thing, "thickness", None) or 0.0 for thing in things] if thick is None else thick
         rub = [[getattr(thing, f"{name}_friction", 0.0) for name in ("static", "dynamic")] for thing in things]
-        names = [collider_shape_kind(thing.shape) for thing in things]
+        names = self.names = [collider_shape_kind(thing.shape) for thing in things]
         convex.make_known(solids.SOLIDS, names)
         self.rows = fill_collider_table(model.real, device, names, size=size, thick=kept, friction=rub,
                                         restitution=[getattr(thing, "restitution", 0.0) for thing in things],
@@ -159,6 +159,8 @@ class ColliderTable:
         speed = (last[:, :3, 3] - first[:, :3, 3]) / dt
         if self.rows.screw:
             speed = np.linalg.solve(screw_jacobians(turn), speed[:, :, None])[:, :, 0]
-        place = np.concatenate([first[:, :3, 3] - self.corner + self.shift, rotation.matrix_quat(first[:, :3, :3])], axis=1)
+        R, flat = first[:, :3, :3], np.array([kind == "plane" for kind in self.names]) & (M[:, 0] == M[:, 1]).all(axis=(1, 2))
+        place = np.concatenate([foot_of_planes(first[:, :3, 3] - self.corner + self.shift, R, flat), rotation.matrix_quat(R)],
+                               axis=1)
         for name, value in {"pose": place[None], "speed": speed, "spin": turn / dt}.items():
             getattr(self.rows, name).assign(np.ascontiguousarray(value, self.model.dtype))
