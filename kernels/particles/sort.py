@@ -102,14 +102,17 @@ def particle_count_kernel(dim: int, real, module):
 @cache
 def prefix_sum_kernels(module):
     """Kernels over blocks of threads: parts (count) -> sum of each block's cells; starts (one block): sums before each, and of
-    all; first (count, starts) -> first."""
+    all; first (count, starts) -> first. flag: (1,), 0 leaves all as it is; None: it is done."""
 
     @wp.func
     def block_row_share(n: int, blocks: int):
         """Rows of a block: whole numbers of threads."""
         return (n + blocks * wp.block_dim() - 1) // (blocks * wp.block_dim()) * wp.block_dim()
 
-    def prefix_sum_parts(count: wp.array(dtype=int), blocks: int, part_out: wp.array(dtype=int)):
+    def prefix_sum_parts(count: wp.array(dtype=int), blocks: int, flag: wp.array(dtype=int), part_out: wp.array(dtype=int)):
+        if flag:
+            if flag[0] == 0:
+                return
         b = wp.tid() // wp.block_dim()
         m = block_row_share(count.shape[0], blocks)
         sum = int(0)
@@ -119,7 +122,10 @@ def prefix_sum_kernels(module):
         if wp.tid() % wp.block_dim() == 0:
             part_out[b] = whole
 
-    def prefix_sum_starts(part: wp.array(dtype=int), blocks: int, start_out: wp.array(dtype=int)):
+    def prefix_sum_starts(part: wp.array(dtype=int), blocks: int, flag: wp.array(dtype=int), start_out: wp.array(dtype=int)):
+        if flag:
+            if flag[0] == 0:
+                return
         m = block_row_share(blocks, 1) // wp.block_dim()
         sum = int(0)
         for k in range(wp.tid() * m, wp.min((wp.tid() + 1) * m, blocks)):
@@ -129,7 +135,11 @@ def prefix_sum_kernels(module):
             start_out[k] = before
             before += part[k]
 
-    def prefix_sum_firsts(count: wp.array(dtype=int), start: wp.array(dtype=int), blocks: int, first_out: wp.array(dtype=int)):
+    def prefix_sum_firsts(count: wp.array(dtype=int), start: wp.array(dtype=int), blocks: int, flag: wp.array(dtype=int),
+                          first_out: wp.array(dtype=int)):
+        if flag:
+            if flag[0] == 0:
+                return
         b = wp.tid() // wp.block_dim()
         n = count.shape[0]
         m = block_row_share(n, blocks)

@@ -130,9 +130,9 @@ class NeighbourSearch:
     def _sum(self, count: wp.array, first: wp.array) -> None:
         parts, starts, firsts = self.sums
         each, blocks = BLOCK if self.launches.cuda else 1, self.blocks
-        self.launches.launch(parts, blocks * each, [count, blocks], [self.part])
-        self.launches.launch(starts, each, [self.part, blocks], [self.start])
-        self.launches.launch(firsts, blocks * each, [count, self.start, blocks], [first])
+        self.launches.launch(parts, blocks * each, [count, blocks, self.cells.flag], [self.part])
+        self.launches.launch(starts, each, [self.part, blocks, self.cells.flag], [self.start])
+        self.launches.launch(firsts, blocks * each, [count, self.start, blocks, self.cells.flag], [first])
 
     @property
     def launch_count(self) -> int:

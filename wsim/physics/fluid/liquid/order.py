@@ -37,9 +37,9 @@ class ParticleOrder:
 
     def scan(self, count: Any, first: Any) -> None:
         """first[c]: sum of count before c, (cells + 1,)."""
-        self.threads.sum(self.parts, self.blocks, [count, self.blocks], [self.part])
-        self.threads.sum(self.starts, 1, [self.part, self.blocks], [self.start])
-        self.threads.sum(self.first_kernel, self.blocks, [count, self.start, self.blocks], [first])
+        self.threads.sum(self.parts, self.blocks, [count, self.blocks, None], [self.part])
+        self.threads.sum(self.starts, 1, [self.part, self.blocks, None], [self.start])
+        self.threads.sum(self.first_kernel, self.blocks, [count, self.start, self.blocks, None], [first])
 
     def sort(self, particles: Any) -> None:
         threads, cells = self.threads, self.cells
