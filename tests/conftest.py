@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.suite import alone, every_shape
+from tests.make.suite import alone, every_shape, hashes
 from tests.make.suite.slow import SLOW
 from wsim.kernels.rigid.lists import collide, collide_mesh
 from wsim.model import kernel_cache
@@ -70,6 +70,7 @@ def compiling(pytestconfig):
               that out of the modules of a simulation, and this of those that tests make.
     alone     Each kernel is compiled once for all modules that hold it, see `tests.make.suite.alone`. The cache then has no
               folder of a simulation's module, and is asked each time whether it takes 8 MB: here it is asked for a page.
+    hashes    Functions that modules have in common are hashed once, see `tests.make.suite.hashes`.
     every_shape   Rigid contacts are compiled for all kinds of shapes at once, see `tests.make.suite.every_shape`.
     """
     load = Model.load
@@ -80,6 +81,7 @@ def compiling(pytestconfig):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Model, "load", with_header)
         patch.setattr(wp.Module, "load", alone.load)
+        patch.setattr(hashes.ModuleHasher, "hash_adjoint", hashes.hash_adjoint)
         patch.setattr(header, "KEPT", True)
         patch.setattr(kernel_cache, "PROBE", 4096)
         patch.setattr(kernel_cache, "_folders_of_module", alone.folders)
