@@ -60,6 +60,7 @@ class SurfaceFreeFlight:
         self.part.rows = {(method.surfaces.bodies[0].path, 0): np.array([0])}
         b.state.add(self.part)
         self.wait, self.tried, self.vain = 1, 0, False      # vain: the frame has been tried without stages, and repeated
+        self.part.arrays["surfaces_wait"].fill_(self.wait)
         size, what = 9 * n * np.dtype(b.model.dtype).itemsize, "tubes of a whole frame"
         self.stages = [Stage("apart", "deform", self.look, 8, size, "frame", what, FREE)][:not method.strands]
         self.aside: Any = None           # a list of its own, that looks back

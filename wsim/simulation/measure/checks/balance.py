@@ -38,7 +38,7 @@ APART = "; if shapes overlap where the run starts, move them apart"
 WORD, MOVES = "energy gained", "pin that moves"
 FIELDS = (StateField("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
           StateField("balance_most", "J", True, "largest kinetic energy so far", "double"),
-          StateField("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
+          StateField("balance_substeps", "", True, "substeps of a frame, where a frame was repeated with more, else 0", "double"),
           StateField("balance_rises", "", True, "how often they have", "double"),
           StateField("balance_rolled", "", True, "facets or radians passed by rolling bodies in successive frames", "double"))
 FIELDS_OF = ("balance_lowest", "balance_most")
@@ -81,6 +81,7 @@ class EnergyBalance(Method):
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
         self.begun, self.fresh, self.gift, self.mass = True, True, -1.0, free_mass_of_world(b)
         self.surfaces = False                                # collide with themselves
+        self.planned = b.clock.substeps
         self.rises, self.why, self.worst = 0, list[str](), dict[int, tuple[float, str]]()
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
         self.stages += works.stages
@@ -100,7 +101,7 @@ class EnergyBalance(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Begins anew where something was set; leaves the frame open where something works whose work is not known."""
-        if self.raised:
+        if self.raised or clock.substeps > self.planned:
             for name, value in (("balance_substeps", clock.substeps), ("balance_rises", self.rises)):
                 self.part.arrays[name].fill_(value)
         self.begun, self.fresh = self.begun or self.fresh or clock.starting, False
@@ -115,10 +116,15 @@ class EnergyBalance(Method):
         self.gift = gift
 
     def prepare_restart(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
-        """Goes on with the substeps that an earlier run was raised to."""
+        """Goes on with the substeps that an earlier run was raised to, by checks or by surfaces that met too fast."""
         kept = fields.get(next(iter(self.part.rows))[0], {})
-        if "balance_rises" in kept and kept["balance_rises"][0] > 0.0 and left_open(self.model.scene):
-            self.rises, self.clock.substeps = int(kept["balance_rises"][0]), int(kept["balance_substeps"][0])
+        if "balance_rises" not in kept:
+            return
+        substeps, rises = int(kept["balance_substeps"][0]), int(kept["balance_rises"][0])
+        if rises > 0 and left_open(self.model.scene):
+            self.rises, self.clock.substeps = rises, substeps
+        elif rises == 0:
+            self.clock.substeps = max(self.clock.substeps, substeps)
 
     def resume_run(self, time: float) -> None:
         """The balance goes on with what is kept of it."""
