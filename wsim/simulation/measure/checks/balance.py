@@ -38,8 +38,8 @@ APART = "; if shapes overlap where the run starts, move them apart"
 WORD, MOVES = "energy gained", "pin that moves"
 FIELDS = (StateField("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
           StateField("balance_most", "J", True, "largest kinetic energy so far", "double"),
-          StateField("balance_substeps", "", True, "substeps of a frame, where a frame was repeated with more, else 0", "double"),
-          StateField("balance_rises", "", True, "how often they have", "double"),
+          StateField("balance_substeps", "", True, "substeps of a frame where some was repeated with more, else 0", "double"),
+          StateField("balance_rises", "", True, "how often checks have raised them", "double"),
           StateField("balance_rolled", "", True, "facets or radians passed by rolling bodies in successive frames", "double"))
 FIELDS_OF = ("balance_lowest", "balance_most")
 
