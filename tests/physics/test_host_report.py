@@ -119,8 +119,9 @@ assert sim.report()["error"]
 """
 
 
-# modules of what is in them and of no scene, which the cache has once for all scenes: energies, and the balance of every frame
-SHARED = "wp_wsim_report_", "wp_wsim_balance_f32_", "wp_wsim_ledger_"
+# modules of what is in them and of no scene, which the cache has once for all scenes: energies, the balance of every frame,
+# where colliders and pins are
+SHARED = "wp_wsim_report_", "wp_wsim_balance_f32_", "wp_wsim_ledger_", "wp_wsim_poses_", "wp_wsim_pins_"
 
 
 def own(cache: Path) -> list[str]:

@@ -1,5 +1,6 @@
 """Gradients of rigid bodies that joints move, float64: against differences of order 8 of runs, and a pendulum's closed form."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -89,8 +90,9 @@ def test_drives_have_the_slope_of_differences(kind, name):
 
 @pytest.mark.slow
 def test_a_recording_goes_where_a_simulation_does_to_the_bit():
+    """In maximal coordinates, which recordings of joints have."""
     for kind in ("spherical", "driven", "limits"):
-        sim = Simulation(SCENES[kind](), device="cpu", precision="float64")
+        sim = Simulation(replace(SCENES[kind](), coordinates="maximal"), device="cpu", precision="float64")
         sim.run(LAST)
         r = Recording(Simulation(SCENES[kind](), device="cpu", precision="float64", gradients=True), LAST)
         r.run()

@@ -22,8 +22,9 @@ def draped(integrator: str, size: float = 1.0, substeps: int = 12) -> Scene:
 
 
 def caught(integrator: str) -> Scene:
-    """A ball of 0.3 kg that falls into 55 g of cotton, held by its corners."""
-    scene = Scene(solver="implicit", integrator=integrator, substeps=12, iterations=3, fps=24.0, gravity=(0.0, -9.81, 0.0))
+    """A ball of 0.3 kg that falls into 55 g of cotton, held by its corners. Of seven starts within 5 mm none gains energy; with
+    12 substeps, which leave larger residuals, one did, 0.14 J for a frame, and a warning told of it."""
+    scene = Scene(solver="implicit", integrator=integrator, substeps=16, iterations=3, fps=24.0, gravity=(0.0, -9.81, 0.0))
     points, counts, indices = shapes.sheet(0.5, 0.5, 8, 8, horizontal=True)
     points = np.array(points) - np.mean(points, axis=0)
     cloth = scene.cloth("/c", points, counts, indices, material=fabric("cotton"), self_collision=True)
