@@ -256,7 +256,7 @@ def contact_kernel(real, module):
             if wp.length_sq(L) > real(0.0) or b + wp.dot(n, u - g.u[other]) < real(0.0):
                 pressed += real(1.0)
         if not carried and ground >= real(SETTLED):
-            rested = wp.min(ground / wp.max(part, real(1.0)), real(1.0))
+            rested = wp.min(ground / wp.max(g.held[k][1], real(1.0)), real(1.0))
             given += (rested * h * h) * support_before.load[p]
         d_out[g.point[k]] = d_out[g.point[k]] + g.inverse[k] * given
         g.split[k] = pressed * g.inverse[k]

@@ -20,6 +20,10 @@ their own weight rests on others; the lowest give it to what they stand on:
 
     W_j = -sum_(i on j) L_ij / h^2 (1 - W_i.up / (m_i G)),      d_i += w_i h^2 W_i where i rests on no grain
 
+What rests on a grain knows of its motion at once, and the grain knows of what rests on it a substep later. Such a loop has a
+gain of W / (m G), and what is more than about one swings from substep to substep without end, as fluids of heavy added mass do
+(Causin, Gerbeau, Nobile 2005). So grains that rest on no other take a change of load by the part EASED in a substep.
+
 Where what carries a grain gives more than its weight, as in a blow, it counts as weight alone. Grains that fall, cloth and
 bodies, and scenes without gravity have contacts that both sides answer: momentum is kept there to rounding, and in stacks by
 the loads, a substep late for each layer.
@@ -42,6 +46,7 @@ HELD = 0.5             # of gravity
 MORE = 2.0             # times that a contact may begin with what it has borne: 1 lets layers sink while they land
 SETTLED = 8.0          # substeps that a grain has rested on no other before it gives its load to what it stands on,
 #                        of its weight as often as substeps have passed: what rests for a moment is not thrown
+EASED = 0.05           # of a change of its load, that a grain on no other takes in a substep: see above
 DEEPEST = 1e4          # times its weight, that a grain passes on at most
 
 
@@ -118,6 +123,8 @@ def support_sum_func(real):
             part = carried / fall
         if felt <= real(HELD):
             ground = real(0.0)
+        if ground > real(1.0):
+            load = after.load[p] + real(EASED) * (load - after.load[p])
         after.felt[p] = felt
         after.part[p] = part
         after.load[p] = load
