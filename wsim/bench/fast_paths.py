@@ -152,6 +152,7 @@ NATIVE = {              # other files with native code: what Warp cannot say
     "kernels/math/ledger.py": "shuffles within a warp",
     "kernels/math/mesh_refit.py": "a refit that a loop on a GPU can hold",
     "kernels/math/team.py": "sums over teams of threads",
+    "kernels/soft/clusters/rigid_contacts.py": "the largest of a block, the least number of several",
     "kernels/soft/clusters/shape_matching.py": "a sum over a block in a fixed order",
     "kernels/particles/mpm/cpu/vectors.py": "four numbers of a particle at a time on a CPU",
     "kernels/position_based/pair_sums.py": "four numbers in one read, a root by a GPU's own instruction",
