@@ -32,14 +32,14 @@ def grain_method(simulation):
     return next(m for m in simulation.plan.methods if m.name == "grains")
 
 
-@pytest.mark.parametrize("iterations", [2, 4])
+@pytest.mark.parametrize("iterations", [1, 4])
 def test_grains_of_a_column_bear_the_weight_above_them_and_the_floor_all_of_it(iterations):
-    """Two iterations are few for five layers: what stands on others is carried, as loads. Four are not: contacts bear it."""
+    """One iteration is few for five layers: what stands on others is carried, as loads. Four are not: contacts bear it."""
     r = 0.004
     simulation = grains_on_floor([[0, r + 2 * r * i, 0] for i in range(5)], r, iterations=iterations)
     simulation.run(60)
     method, weight = grain_method(simulation), 2600 * 4 / 3 * np.pi * r**3 * G
-    assert method.deep == (iterations == 2)
+    assert method.deep == (iterations == 1)
     if method.deep:
         load = method.support.load.numpy()[method.support_part.rows["/grains", 0]]
         assert np.allclose(load[:, 1], -weight * np.arange(4, -1, -1), rtol=1e-4, atol=1e-4 * weight)
@@ -341,3 +341,22 @@ def test_a_scene_counts_particles_by_the_prim():
     for k in range(2):
         scene.particles(f"/grains{k}", points=[[0.0, k, 0.0]], radius=0.1)
     assert describe_scene_contents(scene).startswith("2 particle prims; 2 points")
+
+
+@pytest.mark.parametrize(("substeps", "iterations"), [(8, 4), (16, 2)])
+def test_a_heap_comes_to_rest_and_does_not_creep(substeps, iterations):
+    """A loose column collapses. Contacts in which both sides answer end at Coulomb's law, which a heap at rest fulfils. Carried
+    grains, of fewer iterations, go on at 1e-3 m/s."""
+    r = 0.004
+    i = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(12), np.arange(-4, 5), indexing="ij"), -1).reshape(-1, 3).astype(float)
+    i[:, [0, 2]] += 0.5 * (i[:, 1:2] % 2)
+    points = i * [2.3 * r, 1.6 * r, 2.3 * r] + [0.0, 1.2 * r, 0.0]
+    points = points[np.hypot(points[:, 0], points[:, 2]) < 7.0 * r]
+    points += 0.1 * r * np.random.default_rng(0).uniform(-1, 1, points.shape)
+    simulation = grains_on_floor(points, r, substeps=substeps, iterations=iterations)
+    assert not grain_method(simulation).deep
+    simulation.run(150)
+    before = simulation.positions().astype(float)
+    assert np.abs(simulation.velocities()).max() < 1e-3
+    simulation.run(60)
+    assert np.linalg.norm(simulation.positions() - before, axis=1).max() < 1e-2 * r
