@@ -17,6 +17,11 @@ LACKING = re.compile(r"(?P<callee>\S+)\(\) missing \d+ required (?:positional|ke
 TOLD = 190                                    # letters of names in a message, at most
 OWN = ("self", "scene", "more")               # no names for a caller
 
+MEANT = {"angular_velocity": "spin", "omega": "spin", "angular_damping": "spin_drag", "linear_damping": "drag",
+         "linear_velocity": "velocity", "position": "at", "translate": "at", "bounce": "restitution",
+         "friction": "static_friction"}                        # names of other programs: the one here, where a method has it
+TURNS = ("orientation", "rotation", "rotate", "quat", "transform", "pose", "matrix")      # what a motion says here
+
 NOUNS = {"onto": "collider", "body": "body with points"}
 FIXES = {"onto": "name a collider; scene.tie(PATH, BODY, POINTS, RIGID_BODY) holds points at a rigid body"}
 
@@ -65,8 +70,13 @@ def wrong_argument(path: str, named: dict, error: TypeError, method: str) -> Pro
         return None
     if (found := UNKNOWN.match(str(error))) and found["name"] in named:
         names = known_arguments(found["callee"], below)
-        close = get_close_matches(found["name"], names, 1)
+        meant = MEANT.get(found["name"])
+        close = [meant] if meant in names else [] if meant else get_close_matches(found["name"], names, 1)
         fix = f"write {close[0]}" if close else f"leave it out; help(wsim.Scene.{method}) says more"
+        if found["name"] in TURNS and "motion" in names:
+            fix = "give motion=Motion.still(M), M of 4 x 4 for columns"
+        if found["name"] == "kinematic":
+            fix = "add scene.collider(PATH, SHAPE, motion=...), which moves as you say"
         if found["name"] == "at":
             fix = "shift its points, or give motion=Motion.still(M)" if "motion" in names else "shift its points"
         told = next(k for k in range(len(names), -1, -1) if len(", ".join(names[:k])) < TOLD)
