@@ -36,6 +36,7 @@ from wsim.physics.particles.usd.physx import (
 from wsim.usd import names
 from wsim.usd.stage import StageReading, applied_schemas
 
+OF_FLUIDS = ("surfaceTension", "viscosity", "cohesion", "vorticityConfinement")      # PhysX too leaves solids alone with these
 READ = {f"{SET}{each}" for each in ("fluid", "particleSystem", "simulationPoints", "particleEnabled", "particleGroup")}
 WATER = 0.072              # surface tension against air [N/m]
 IN_XPBD = "here particles move in the iterations of the scene, and wsim:scene attributes say how many"
@@ -119,6 +120,6 @@ def _read_material(reading: StageReading, system: Usd.Prim | None, prim: Usd.Pri
         found.tension = WATER
         reading.warn(bound.GetPath(), f"its {MATERIAL}surfaceTension is no force over a length: the fluid has {WATER:g} "
                      "N/m, that of water; author wsim:particles:surfaceTension for another")
-    warn_unread(reading, bound, [MATERIAL + name for name, number in value.items()
-                                 if number is not None and number != QUIET.get(name, 0.0)],
+    warn_unread(reading, bound, [MATERIAL + name for name, number in value.items() if number is not None
+                                 and number != QUIET.get(name, 0.0) and (found.fluid or name not in OF_FLUIDS)],
                 "they have no unit in PhysX; author wsim:particles: attributes on the Points, such as viscosity [Pa s]")
