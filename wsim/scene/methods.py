@@ -291,8 +291,8 @@ def describe_scene_contents(scene) -> str:
     things = ", ".join(count_noun(len(found), noun) for noun, found in kinds.items() if found)
     sizes = {"point": sum(len(body.points) for body in bodies), "tet": sum(len(body.tets) for body in bodies if body.is_solid)}
     size = ", ".join(count_noun(n, noun) for noun, n in sizes.items() if n)
-    steps = ("solver auto, which chooses substeps and integrator" if scene.solver == "auto" else
-             f"{count_noun(scene.substeps, 'substep')}, {count_noun(scene.iterations, 'iteration')}, solver {scene.solver}, "
-             f"integrator {scene.integrator}")
+    own = f"{count_noun(scene.substeps, 'substep')}, {count_noun(scene.iterations, 'iteration')}, solver {scene.solver}"
+    steps = (f"{own}, integrator {scene.integrator}" if scene.solver != "auto" else
+             own if any(body.is_particles for body in bodies) else "solver auto, which chooses substeps and integrator")
     return (f"{things or 'nothing'}; {f'{size}; ' if size else ''}{count_noun(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
             f"{steps}")

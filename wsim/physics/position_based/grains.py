@@ -61,7 +61,8 @@ class GrainContacts(Method):
         super().__init__("grains")
         self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
         self.bodies = meeting_bodies(b.model)
-        self.path = next(body.path for body in self.bodies if body.source.meets_as_balls)
+        balls = [body for body in self.bodies if body.source.meets_as_balls]
+        self.path = ", ".join(dict.fromkeys(body.path for body in [b for b in balls if not b.source.is_fluid] or balls))[:200]
         launches = self.launches = ParticleLaunches(b.model, "grains")
         radii, coarse = ball_radii(self.bodies)
         points = SearchedPoints.of(self.bodies, radii, ball_groups(self.bodies))
