@@ -17,9 +17,9 @@ def pair(s: Scene) -> None:
 
 WRONG = {
     "body": (lambda s: s.body("/x", Box(HALF), densty=1.0), "/x: densty is no argument of scene.body", "fix: write density"),
-    "spin": (lambda s: s.body("/x", Box(HALF), angular_velocity=(0, 1, 0)), "/x: angular_velocity is no argument", "fix: write spin"),
+    "spin": (lambda s: s.body("/x", Box(HALF), angular_velocity=(0, 1, 0)), "/x: angular_velocity is no", "write spin"),
     "no spin": (lambda s: s.particles("/x", Box(HALF), omega=(0, 1, 0)), "/x: omega is no argument", "fix: leave it out"),
-    "turned": (lambda s: s.collider("/x", Box(HALF), orientation=(1, 0, 0, 0)), "/x: orientation is no argument", "fix: give motion="),
+    "turned": (lambda s: s.collider("/x", Box(HALF), orientation=(1, 0, 0, 0)), "/x: orientation is no", "give motion="),
     "kinematic": (lambda s: s.body("/x", Box(HALF), kinematic=True), "/x: kinematic is no argument", "scene.collider(PATH"),
     "particles": (lambda s: s.particles("/x", Box(HALF), radiuss=0.1), "/x: radiuss is no argument of scene.particles",
                   "fix: write radius"),

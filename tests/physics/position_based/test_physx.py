@@ -123,3 +123,10 @@ def test_places_of_the_simulation_count(tmp_path):
 def test_a_set_alone_stays_with_material_points(tmp_path):
     scene, _ = load(tmp_path, "float fluidRestOffset = 0.5", api="")
     assert scene.things("MaterialPoints") and not scene.things("Particles")
+
+
+def test_grains_are_not_warned_of_what_is_for_fluids(tmp_path):
+    """Viscosity and cohesion of the material act on fluids only, in PhysX too."""
+    scene, notes = load(tmp_path, "", "bool physxParticle:fluid = 0")
+    assert isinstance(scene.things("Particles")[0].material, Grains)
+    assert not any("viscosity" in note or "cohesion" in note for note in notes)
