@@ -61,8 +61,7 @@ class GrainContacts(Method):
         super().__init__("grains")
         self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
         self.bodies = meeting_bodies(b.model)
-        balls = [body for body in self.bodies if body.source.meets_as_balls]
-        self.path = ", ".join(dict.fromkeys(body.path for body in [b for b in balls if not b.source.is_fluid] or balls))[:200]
+        self.path = _paths_of_grains(self.bodies)
         launches = self.launches = ParticleLaunches(b.model, "grains")
         radii, coarse = ball_radii(self.bodies)
         points = SearchedPoints.of(self.bodies, radii, ball_groups(self.bodies))
@@ -220,6 +219,12 @@ class GrainContacts(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """grain_overlap: the greatest in the last frame, over the distance of the centres of what touches [1]; 0 up to 2e-3."""
         return {"grain_overlap": int(self.status.said(DEEP_WORD)[0]) / 1e6}
+
+
+def _paths_of_grains(bodies: list) -> str:
+    """Paths of what meets as balls and is no fluid, or of the fluids where nothing else does."""
+    balls = [body for body in bodies if body.source.meets_as_balls]
+    return ", ".join(dict.fromkeys(body.path for body in [b for b in balls if not b.source.is_fluid] or balls))[:200]
 
 
 def _rows_of_bodies(bodies: list) -> dict[tuple[str, int], np.ndarray]:
