@@ -17,6 +17,8 @@ substep, and BDF2's velocity that at its end: on a surface that accelerates by A
 force errs. Coefficients
 are the mean of the point's and the collider's. A point's contacts are taken in the order of the colliders and no
 atomic touches a float: results are bitwise the same from run to run. kernels/contact/search.py finds the contacts.
+Rigid bodies come first: they have the momentum that their stars have foreseen (kernels/rigid/touch/body_point_solve.py). Were
+colliders first, a body would get what they push a heavy point by, and a light one would be thrown.
 
 A width w > 0 moves the hard contact back by w, and puts a potential in front of it that knows no substep (E:
 wsim/physics/contact/barrier.py):
@@ -40,7 +42,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact.collider.colliders import collider_type
+from wsim.kernels.contact.collider.colliders import collider_type, first_body_slot
 from wsim.kernels.math.marks import owns_points
 from wsim.kernels.math.real import has_adjoint, types
 
@@ -213,8 +215,10 @@ def point_projection_func(real):
         a = at[1]
         soft = soften(c, g)
         touched = int(0)
-        for slot in range(s.count[i]):
-            j = slot * s.points + i
+        many = s.count[i]
+        first = first_body_slot(c, s, i)
+        for turn in range(many):
+            j = ((first + turn) % many) * s.points + i
             n = s.n[j]
             mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
             pressed = real(0.0)

@@ -11,6 +11,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.contact.collider.colliders import first_body_slot
 from wsim.kernels.contact.project import SUNK, TOUCHED, contact_tables, point_projection_func, read_type, slot_type
 from wsim.kernels.math.real import substep_number, types
 from wsim.kernels.position_based.rolling_law import roll_type, rolling_law_func
@@ -54,8 +55,10 @@ def rolling_point_func(real):
         d = at[0]
         phi = roll.phi[i]
         touched = int(0)
-        for slot in range(s.count[i]):
-            j = slot * s.points + i
+        many = s.count[i]
+        first = first_body_slot(c, s, i)
+        for turn in range(many):
+            j = ((first + turn) % many) * s.points + i
             n = s.n[j]
             lam = wp.dot(push[j], n)
             T = push[j] - lam * n

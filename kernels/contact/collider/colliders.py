@@ -80,3 +80,13 @@ def collider_frame_funcs(real):
         return wp.quat_rotate(R1, m), rigid + wp.quat_rotate(R1, slip)
 
     return path_in_collider_frame, contact_in_world
+
+
+@wp.func
+def first_body_slot(c: Any, s: Any, i: int):
+    """Slot of the first contact of point i with a rigid body, 0 where there is none: rows of bodies stand behind those of
+    colliders, so that contacts from there on and round have bodies first."""
+    for slot in range(s.count[i]):
+        if c.of.owner[s.row[slot * s.points + i]] >= 0:
+            return slot
+    return int(0)

@@ -11,9 +11,9 @@ R = 0.01
 MASS = 2600.0 * 4.0 / 3.0 * np.pi * R**3
 
 
-def filled_box(ratio, buried):
+def filled_box(ratio, buried, substeps=32, iterations=4):
     """300 grains between walls, and a box of `ratio` times the mass of one, on them or within."""
-    scene = Scene(fps=60, substeps=32, iterations=4)
+    scene = Scene(fps=60, substeps=substeps, iterations=iterations)
     scene.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.5)
     for k, (x, z) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
         half = (0.02, 0.3, 0.12) if x else (0.12, 0.3, 0.02)
@@ -39,6 +39,20 @@ def test_a_box_rests_on_grains_and_among_them(ratio, buried):
     pose = simulation.poses()["/box"]
     assert abs(pose[1, 3] - before) < 0.01 * R and abs(pose[1, 3] - height) < 0.8 * R and pose[1, 1] > 0.999
     assert np.abs(simulation.velocities("/grains")).max() < 0.05
+
+
+@pytest.mark.parametrize(("ratio", "steps"), [(1e-3, (8, 4)), (1e-2, (32, 4)), (1e-2, (16, 2)), (1e3, (8, 4))])
+def test_no_box_is_thrown_by_the_grains_that_bury_it(ratio, steps):
+    """Six layers with gaps of 0.05 R fall by 0.3 R at most: nothing is faster than sqrt(2 g 0.3 R), and all ends."""
+    scene, height = filled_box(ratio, True, *steps)
+    simulation = wsim.Simulation(scene, device="cpu")
+    before = np.array([0.0, height, 0.0])
+    for _ in range(40):
+        simulation.step()
+        now = simulation.poses()["/box"][:3, 3].astype(float)
+        assert np.linalg.norm(now - before) * 60.0 < np.sqrt(2.0 * 9.81 * 0.3 * R)
+        before = now
+    assert abs(now[1] - height) < 0.3 * R and np.abs(simulation.velocities("/grains")).max() < 0.15
 
 
 def surface_of_profile(radii, heights):

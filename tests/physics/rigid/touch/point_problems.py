@@ -117,3 +117,12 @@ def problem(rng, contacts, mu, ratio, h=2e-3):
     m *= ratio / m.sum()
     return Problem(np.diag([1.0] * 3 + [0.016] * 3), np.zeros(6), n, 0.2 * n, rng.uniform(-1e-3, 4e-3, contacts),
                    rng.normal(size=(contacts, 3)) * 2e-3, np.full(contacts, mu), m, h)
+
+
+def squeezed_box(rng, ratio, h=2e-3):
+    """A box of 1 kg and 0.08 m between two layers of 16 points, each of `ratio` of its mass, that slip on it a little."""
+    side = np.repeat([-1.0, 1.0], 16)
+    n, r = np.outer(side, [0.0, 1.0, 0.0]), rng.uniform(-0.04, 0.04, (32, 3))
+    r[:, 1] = 0.04 * side
+    return Problem(np.diag([1.0] * 3 + [1.07e-3] * 3), np.zeros(6), n, r, rng.uniform(1e-5, 3e-5, 32) - 2e-5 * side,
+                   2e-6 * rng.normal(size=(32, 3)), np.full(32, 0.5), np.full(32, ratio), h)

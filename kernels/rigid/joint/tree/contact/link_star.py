@@ -127,12 +127,13 @@ def link_star_func(of, rolling: bool = False):
         stuck = int(0)
         part = wp.float64(1.0)
         light = wp.max(S[0, 0], wp.max(S[1, 1], S[2, 2]))
+        whole = wp.vec3d(kg[0], kg[1], wp.float64(1.0))
         going = int(EVALUATIONS)
         while going > 0:
             going -= 1
             tw = w + part * dw
             V = V0 - S * tw
-            own = part_of(rows, at[0], tree_lane(), tree_lanes(), kg[0], kg[1], linear_part(V), angular_part(V))
+            own = part_of(rows, at[0], tree_lane(), tree_lanes(), whole, linear_part(V), angular_part(V))
             s = sum_star_team(own, 1, at[1])
             F = tw - six_of(s.J, s.T)
             found = wp.max(wp.dot(F, S * F), wp.float64(0.0))
