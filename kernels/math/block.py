@@ -38,6 +38,18 @@ def _streaming_read_func(dtype, cuda: str):
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
+    return false;
+#else
+    return true;
+#endif
+""")
+def runs_on_cpu() -> bool:
+    """Whether a kernel runs on a CPU."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
     __syncthreads();
 #endif
 """)

@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact.collider.shape import PLANE
+from wsim.kernels.math.block import runs_on_cpu
 from wsim.kernels.math.real import types
 
 
@@ -44,8 +45,9 @@ def into_pose_frame(T: Any, x: Any):
 @wp.func
 def plane_is_far(c: Any, k: int, row: int, x: Any, bound: Any):
     """Whether a point at x does not come near a plane in substep k, which may be moved then, but not turned. c: rows with their
-    table `of`; bound: twice the point's way, and what it keeps from planes [m]. False of another collider."""
-    if c.of.kind[row] != PLANE:
+    table `of`; bound: twice the point's way, and what it keeps from planes [m]. False of another collider, and on a GPU, where
+    kernels that ask for it would round otherwise than each other."""
+    if not runs_on_cpu() or c.of.kind[row] != PLANE:
         return False
     turn = wp.transform_get_rotation(c.of.step[k, row])
     if turn[0] != type(x[0])(0.0) or turn[1] != type(x[0])(0.0) or turn[2] != type(x[0])(0.0):
