@@ -198,7 +198,7 @@ def sand_shovel() -> str:
                                 t + 0.002 + 0.22 * eased(s, 2.1, 4.0), 0.0), lambda s: 18.0 * eased(s, 2.1, 3.5))
     pile = particles("Cube", "Pile", placed((-0.14, 0.0, -0.18), (0.22, 0.14, 0.18)), (0.66, 0.48, 0.26), "Grains that fill a "
                      "block, and slump. They are coarse: one sees each.", material="grains", radius=0.009,
-                     static_friction=0.45, dynamic_friction=0.45)
+                     static_friction=0.45, dynamic_friction=0.45, rolling_friction=0.1)
     shovel = solid("Mesh", "Shovel", f"{scoop}\n{path}", (0.2, 0.26, 0.34), "A closed mesh with a floor and three walls, which "
                    "keys move: it goes into the pile, tilts, and lifts what lies on it.")
     return scene("A shovel goes into a pile of coarse sand, and lifts some of it.", [

@@ -43,13 +43,14 @@ def test_beads_stay_in_the_bowl():
 
 @pytest.mark.slow
 def test_the_shovel_lifts_sand_and_nothing_passes_its_floor():
-    """What is above the heap lies within the shovel, on its floor."""
+    """What is above the heap lies within the shovel, on its floor. Some roll past the ends of the wall, none through it."""
     simulation = run("sand_shovel")
     x, M = simulation.positions("/World/Pile"), simulation.poses("/World/Shovel")["/World/Shovel"]
     lifted = x[x[:, 1] > 0.17]
     q = (lifted - M[:3, 3]) @ M[:3, :3]
     assert len(lifted) > 150 and q[:, 1].min() > 0.009 - 1e-3 and np.abs(q[:, 2]).max() < 0.09 - 0.009 + 0.03
-    assert x[:, 1].min() > 0.009 - 1e-4 and x[:, 0].max() < 0.22 - 0.009 + 1e-4
+    before = x[np.abs(x[:, 2]) < 0.26]
+    assert x[:, 1].min() > 0.009 - 1e-4 and before[:, 0].max() < 0.22 - 0.009 + 1e-4
 
 
 @pytest.mark.slow
