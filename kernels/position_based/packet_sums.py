@@ -98,16 +98,16 @@ def packet_sums(real) -> SimpleNamespace:
     numbers = {"weight": WEIGHT, "slope": SLOPE, "nearest": NEAREST, "rub": RUB, "most": MOST_RUBBED}
     names = {"real": "float", "whole": "int"} if real is wp.float32 else {"real": "double", "whole": "long long"}
 
-    def code(how: dict[str, str]) -> str:
+    def packet_code(how: dict[str, str]) -> str:
         return PACKET.format(reached=REACHED, **names, **{name: text.format(**numbers) for name, text in how.items()})
 
-    @wp.func_native(code(DENSITY))
+    @wp.func_native(packet_code(DENSITY))
     def density_of_packet(at: places, lists: N.PairLists, first: int, d: real) -> found: ...
 
-    @wp.func_native(code(PUSH))
+    @wp.func_native(packet_code(PUSH))
     def push_of_packet(at: places, lists: N.PairLists, first: int, d: real) -> found: ...
 
-    @wp.func_native(code(FLOW))
+    @wp.func_native(packet_code(FLOW))
     def flow_of_packet(y: places, v: places, lists: N.PairLists, first: int, d: real, h: real) -> found: ...
 
     return SimpleNamespace(density=density_of_packet, push=push_of_packet, flow=flow_of_packet)

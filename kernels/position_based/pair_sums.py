@@ -89,7 +89,7 @@ def pair_sums(real) -> SimpleNamespace:
     places, place, inverse_root = wp.array(dtype=t.vec4), reads.place, reads.inverse_root
 
     @wp.func
-    def direction(way: t.vec3, square: real, i: int, j: int):
+    def pair_direction(way: t.vec3, square: real, i: int, j: int):
         if square > real(0.0):
             over = inverse_root(square)
             return over * way, square * over
@@ -110,7 +110,7 @@ def pair_sums(real) -> SimpleNamespace:
             way = t.vec3(far[0], far[1], far[2])
             rr = wp.length_sq(way)
             if rr < H * H:
-                e, r = direction(way, rr, k, j)
+                e, r = pair_direction(way, rr, k, j)
                 q = real(1.0) - r * one
                 qq = q * q
                 weight += qq * q
@@ -132,7 +132,7 @@ def pair_sums(real) -> SimpleNamespace:
             way = t.vec3(own[0] - far[0], own[1] - far[1], own[2] - far[2])
             rr = wp.length_sq(way)
             if rr < H * H:
-                e, r = direction(way, rr, k, j)
+                e, r = pair_direction(way, rr, k, j)
                 q = real(1.0) - r * one
                 move += ((own[3] + far[3]) * q * q) * e
                 apart += wp.max(real(NEAREST) * d - r, real(0.0)) * e

@@ -20,7 +20,9 @@ normal as it does rolling. T is taken out first: a ball that sticks has
 
     q = -((A psi0 + B n x s0) / (A C - B^2))_t - psi0_n / C,      T = -(s0 + B n x q) / A
 
-and where q or T is bounded the other follows from it. So balls at rest need one iteration, not a limit of many.
+and where q or T is bounded the other follows from it. So balls at rest need one iteration, not a limit of many. Beside a rigid
+body that moves, T follows from the q of the iteration before, then q from T: so its star has foreseen T
+(kernels/rigid/touch/body_point_solve.py). Another T than foreseen throws a body that is lighter than the ball.
 Friction at the contact's place by velocities: Mueller, Macklin, Chentanez, Jeschke, Kim 2020, section 3.6; here within the
 iterations, so that what rests does not creep.
 """
@@ -84,6 +86,29 @@ def rolling_law_func(real):
         return wp.matrix_from_rows(T, q)
 
     return solve_rolling_contact
+
+
+@cache
+def rolling_in_turn_func(real):
+    """Function (n, pressed, s0, psi0, kappa, mu, q) -> T, and q behind it, as the rows of a matrix. Of a ball at a wall."""
+    t = types(real)
+
+    @wp.func
+    def solve_friction_then_rolling(n: t.vec3, pressed: real, s0: t.vec3, psi0: t.vec3, kappa: real, mu: t.vec3, q: t.vec3):
+        T = t.vec3()
+        rolled = t.vec3()
+        if pressed > real(0.0):
+            T = -(s0 + kappa * wp.cross(n, q)) / (real(1.0) + kappa)
+            size = wp.length(T)
+            if size > mu[0] * pressed:
+                T *= wp.min(mu[1] * pressed / size, real(1.0))
+            rolled = wp.cross(n, T) - psi0 / kappa
+            size = wp.length(rolled)
+            if size > mu[2] * pressed:
+                rolled *= mu[2] * pressed / size
+        return wp.matrix_from_rows(T, rolled)
+
+    return solve_friction_then_rolling
 
 
 @cache

@@ -11,7 +11,7 @@ R = 0.01
 MASS = 2600.0 * 4.0 / 3.0 * np.pi * R**3
 
 
-def filled_box(ratio, buried, substeps=32, iterations=4):
+def filled_box(ratio, buried, substeps=32, iterations=4, rolling=None):
     """300 grains between walls, and a box of `ratio` times the mass of one, on them or within."""
     scene = Scene(fps=60, substeps=substeps, iterations=iterations)
     scene.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.5)
@@ -23,7 +23,8 @@ def filled_box(ratio, buried, substeps=32, iterations=4):
     at = np.array([0.0, 0.0615, 0.0]) if buried else np.array([0.0, 2.05 * R * 6 + 0.042, 0.0])
     if buried:
         points = points[(np.abs(points - at) > 0.04 + 1.01 * R).any(axis=1)]
-    scene.particles("/grains", points=points, radius=R, material=Grains(static_friction=0.5, dynamic_friction=0.5))
+    grains = Grains(static_friction=0.5, dynamic_friction=0.5, rolling_friction=rolling)
+    scene.particles("/grains", points=points, radius=R, material=grains)
     scene.body("/box", Box((0.04, 0.04, 0.04)), at=tuple(at), mass=ratio * MASS, static_friction=0.5, dynamic_friction=0.5)
     return scene, at[1]
 
@@ -41,7 +42,8 @@ def test_a_box_rests_on_grains_and_among_them(ratio, buried):
     assert np.abs(simulation.velocities("/grains")).max() < 0.05
 
 
-@pytest.mark.parametrize(("ratio", "steps"), [(1e-3, (8, 4)), (1e-2, (32, 4)), (1e-2, (16, 2)), (1e3, (8, 4))])
+@pytest.mark.parametrize(("ratio", "steps"), [(1e-3, (8, 4)), (1e-2, (32, 4)), (1e-2, (16, 2)), (1e3, (8, 4)),
+                                              (0.1, (8, 4, 0.3))])
 def test_no_box_is_thrown_by_the_grains_that_bury_it(ratio, steps):
     """Six layers with gaps of 0.05 R fall by 0.3 R at most: nothing is faster than sqrt(2 g 0.3 R), and all ends."""
     scene, height = filled_box(ratio, True, *steps)
