@@ -23,7 +23,7 @@ WHOLE: list[bool] = []                # not empty: modules are compiled whole
 MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash and options
 PARTED: set[str] = set()              # names of modules that were loaded as parts
 GRAD = re.compile(r"\bwp\.grad\((\w+)\)")
-OF_SCENE = re.compile("wsim_(?:[0-9a-f]{12}_|report_)")
+OF_SCENE = re.compile(r"wsim_(?:[0-9a-f]{12}_|report_|\w+_[0-9a-f]{12}$)")
 LOAD, FOLDERS = wp.Module.load, kernel_cache._folders_of_module
 
 
@@ -80,7 +80,7 @@ def variants(function: wp.Function) -> list[wp.Function]:
 
 def load(module: wp.Module, device, block_dim: int | None = None, *files, **more) -> ModuleExec:
     """Instead of Warp's `Module.load`: modules of several kernels that are not Warp's own, and of one that are named after a
-    scene, are loaded as parts."""
+    scene or after what a scene needs, are loaded as parts: scenes that need different things may have one code."""
     device = wp.get_device(device)
     block = module.options["block_dim"] if block_dim is None else block_dim
     single = len(module._live_kernels) < 2 and not OF_SCENE.match(module.name)
