@@ -50,6 +50,25 @@ def contact_mass(S: RodTable, i: int, k: int):
     return S.m[i, k]
 
 
+@wp.func
+def point_of_copy(S: RodTable, i: int, k: int):
+    """The point that point i is a copy of, else itself."""
+    if S.own:
+        if i >= S.own[k]:
+            return i - S.own[k]
+    return i
+
+
+@wp.func
+def mass_with_copy(S: RodTable, i: int, k: int):
+    """Mass [kg] of a point, and that of its copy."""
+    m = S.m[i, k]
+    if S.own:
+        if i + S.own[k] < S.points[k]:
+            m += S.m[i + S.own[k], k]
+    return m
+
+
 @wp.struct
 class RodPins:
     """Points that pins hold, and directors of edges."""

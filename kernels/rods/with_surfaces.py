@@ -25,7 +25,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import point_states
 from wsim.kernels.rods.forces import multistep_memory
-from wsim.kernels.rods.tables import RodMotion, RodTable
+from wsim.kernels.rods.tables import RodMotion, RodTable, mass_with_copy
 
 REAL = wp.float64
 TINY = wp.constant(wp.float64(1e-30))      # [N]
@@ -77,7 +77,7 @@ def surface_exchange_kernels(real, module: str):
         own = h / (REAL(1.0) + b)
         take = wp.vec3d()
         if S.hold[i, k] < 0:
-            take = A.force[i, k] * (own / S.m[i, k])
+            take = A.force[i, k] * (own / mass_with_copy(S, i, k))
         v = (d[i, k] * (REAL(1.0) + b) - Q.s[i, k] * b) / h - take
         way = d[i, k] - take * own
         x = Q.x[i, k] + A.frame[k, 0]
@@ -101,9 +101,10 @@ def surface_exchange_kernels(real, module: str):
         change = moved / A.g                                       # of velocities
         if S.hold[i, k] < 0:
             own = h / (REAL(1.0) + multistep_memory(Q, i, k))
-            share = own * own / S.m[i, k]
+            w = wp.float64(1.0) / mass_with_copy(S, i, k)
+            share = own * own * w
             moved = moved - A.force[i, k] * share
-            change = change - A.force[i, k] * (own / S.m[i, k])
+            change = change - A.force[i, k] * (own * w)
             push = wp.vec3d(A.pushed[j] - A.lent[j]) / share
             other = wp.length(push - A.before[i, k]) / wp.max(wp.length(push), TINY)
             lasts = push * wp.max(REAL(1.0) - other, REAL(0.0))
@@ -121,6 +122,11 @@ def surface_exchange_kernels(real, module: str):
         if A.settled and S.hold[i, k] < 0:
             Q.v[i, k] = Q.v[i, k] + wp.vec3d(A.settled[wp.tid()])
             Q.u[i, k] = Q.u[i, k] + wp.vec3d(A.past[wp.tid()])
+        if S.own:
+            copy = i + S.own[k]
+            if copy < S.points[k]:
+                Q.v[copy, k] = Q.v[i, k]
+                Q.u[copy, k] = Q.u[i, k]
 
     @wp.kernel(module=module, enable_backward=False)
     def read_strands(A: Company, v: wp.array(dtype=vec3), kick_out: wp.array(dtype=wp.vec3d)):

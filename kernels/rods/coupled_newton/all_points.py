@@ -10,6 +10,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.block import block_barrier, no_barrier
+from wsim.kernels.rods.coupled_newton import closed as seams
 from wsim.kernels.rods.coupled_newton.borne import force_pulled_by_contact, point_force_of_bodies, solve_body_block
 from wsim.kernels.rods.coupled_newton.coupled import CoupledRods
 from wsim.kernels.rods.coupled_newton.nodes import RodTeam
@@ -46,10 +47,33 @@ def pair_product_at_point(S: RodTable, G: CoupledRods, P: EdgePairs, A: RodTeam,
 
 
 @cache
-def conjugate_round_funcs(threads: int, bearing: bool):
-    """(go_round, aim): functions of a block of so many threads; 1 on a CPU. bearing: with rigid bodies."""
+def world_solve_func(threads: int, closed: bool):
+    """Function of a block of so many threads: T.z = M^-1 r of world w, with what factorizations have left. closed: some strands
+    are; then r is freed of J^T lam (kernels/rods/seam.py)."""
     together = no_barrier if threads == 1 else block_barrier
-    width = min(threads, 32)
+
+    @wp.func
+    def solve_world(S: RodTable, T: RodTrial, G: CoupledRods, A: RodTeam, lane: int, w: int):
+        first = G.first[w]
+        count = G.first[w + 1] - first
+        solve_cyclic_reduction(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[w])
+        if wp.static(closed):
+            seams.find_seam_forces(S, T, G, A, lane, wp.static(threads), w)
+            together()
+            for t in range(lane, count * S.length.shape[0], wp.static(threads)):
+                i = t / count
+                seams.close_point_seam(S, T, G, A, i, first + t - i * count)
+            together()
+
+    return solve_world
+
+
+@cache
+def conjugate_round_funcs(threads: int, bearing: bool, closed: bool = False):
+    """(go_round, aim): functions of a block of so many threads; 1 on a CPU. bearing: with rigid bodies. closed: some strands
+    are."""
+    together = no_barrier if threads == 1 else block_barrier
+    width, solve = min(threads, 32), world_solve_func(threads, closed)
 
     @wp.func
     def give_way(S: RodTable, G: CoupledRods, B: RodContacts, lane: int, w: int):
@@ -102,7 +126,7 @@ def conjugate_round_funcs(threads: int, bearing: bool):
                 G.x[i, k] = G.x[i, k] + G.p[i, k] * alpha
                 G.r[i, k] = G.r[i, k] - G.q[i, k] * alpha
         together()
-        solve_cyclic_reduction(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[w])
+        solve(S, T, G, A, lane, w)
         sum = wp.float64(0.0)
         for t in range(lane, all, wp.static(threads)):
             i = t / count

@@ -11,15 +11,25 @@ from wsim.kernels.rods.coupled_newton.coupled import ACTIVE, FIRST, GOING, Coupl
 from wsim.kernels.rods.element import orthogonal_director, transport_director
 from wsim.kernels.rods.march import begin_point, finish_point
 from wsim.kernels.rods.seam import copy_ring_point
-from wsim.kernels.rods.tables import EdgePairs, RodMotion, RodPins, RodStep, RodTable, RodTrial, is_own_point
+from wsim.kernels.rods.tables import (
+    EdgePairs,
+    RodMotion,
+    RodPins,
+    RodStep,
+    RodTable,
+    RodTrial,
+    is_own_point,
+    point_of_copy,
+)
 
 
 @wp.func
-def settled_strand_place(Q: RodMotion, T: RodTrial, d: wp.array2d(dtype=wp.vec3d), i: int, k: int):
-    """Where a point is that is displaced by d [m], and 1 if the proof has moved it."""
+def settled_strand_place(S: RodTable, Q: RodMotion, T: RodTrial, d: wp.array2d(dtype=wp.vec3d), i: int, k: int):
+    """Where a point is that is displaced by d [m], and 1 if the proof has moved it. Copies go as what they are copies of."""
     x = T.x[i, k]
-    if wp.length_sq(d[i, k] - (x - Q.x[i, k])) > wp.float64(0.0):
-        return Q.x[i, k] + d[i, k], 1
+    way = d[point_of_copy(S, i, k), k]
+    if wp.length_sq(way - (x - Q.x[i, k])) > wp.float64(0.0):
+        return Q.x[i, k] + way, 1
     return x, 0
 
 
@@ -66,12 +76,12 @@ def coupled_end_kernels(kinds: tuple[str, ...], module: str):
         k = wp.tid() - i * S.points.shape[0]
         if i >= S.points[k]:
             return
-        x0, moved = settled_strand_place(Q, T, d, i, k)
+        x0, moved = settled_strand_place(S, Q, T, d, i, k)
         if moved == 1 and breaks == 1:
             wp.atomic_max(G.touched, G.world[k], 1)
         if i + 1 < S.points[k]:
             if S.clamped[i, k] == 0:
-                x1, _ = settled_strand_place(Q, T, d, i + 1, k)
+                x1, _ = settled_strand_place(S, Q, T, d, i + 1, k)
                 t = wp.normalize(x1 - x0)
                 T.d[i, k] = orthogonal_director(t, transport_director(wp.normalize(T.x[i + 1, k] - T.x[i, k]), t, T.d[i, k]))
 
@@ -80,7 +90,7 @@ def coupled_end_kernels(kinds: tuple[str, ...], module: str):
         i = wp.tid() / S.points.shape[0]
         k = wp.tid() - i * S.points.shape[0]
         if i < S.points[k]:
-            x, _ = settled_strand_place(Q, T, d, i, k)
+            x, _ = settled_strand_place(S, Q, T, d, i, k)
             T.x[i, k] = x
 
     @wp.kernel(module=module, enable_backward=False)

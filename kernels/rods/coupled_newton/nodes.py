@@ -25,7 +25,7 @@ from wsim.kernels.rods.system import (
     push_edge_ends,
     strains,
 )
-from wsim.kernels.rods.tables import RodMotion, RodStep, RodTable, RodTrial
+from wsim.kernels.rods.tables import RodMotion, RodStep, RodTable, RodTrial, is_own_point
 
 
 @wp.struct
@@ -41,6 +41,9 @@ class RodTeam:
     before: wp.array2d(dtype=wp.vec3d)              # places before a correction is taken [m]
     ids: wp.array(dtype=wp.vec4i)                   # points of pairs, and their weights; only where edges touch each other
     b: wp.array(dtype=wp.vec4d)
+    # kernels/rods/coupled_newton/closed.py, where some strands are closed:
+    slack: wp.array3d(dtype=wp.vec4d)               # M^-1 J^T, (7, points, strands)
+    lam: wp.array2d(dtype=wp.vec4d)                 # lam, (strands, 2)
     # kernels/rods/coupled_newton/reduced.py, where there is room for it:
     chosen: wp.array2d(dtype=int)                   # pairs that press, (worlds, PAIRS)
     number: wp.array(dtype=int)                     # of a pair among them
@@ -75,7 +78,8 @@ def part_point_kernel(kinds: tuple[str, ...], airy: bool, module: str):
             t0 = e0 / wp.max(l0, TINY)
             w = add_edge_tension(S, T, w, t0, l0, edge_tension(S, Q, T, p, t0, l0, i, k), i, k)
             if wp.static(meets):
-                if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
+                held = S.hold[i, k] >= 0 and S.hold[i + 1, k] >= 0
+                if not held and is_own_point(S, i, k) and not clear(C, S, T, p.at, i, k):
                     w = add_edge_contact(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
             if wp.static(airy):
                 f, K = air_force_on_edge(S, Q, T, p, i, k)

@@ -17,7 +17,8 @@ import warp as wp
 
 from wsim.kernels.math.block import block_barrier, no_barrier
 from wsim.kernels.math.team import any_of
-from wsim.kernels.rods.coupled_newton.all_points import conjugate_round_funcs, point_of
+from wsim.kernels.rods.coupled_newton import closed as seams
+from wsim.kernels.rods.coupled_newton.all_points import conjugate_round_funcs, point_of, world_solve_func
 from wsim.kernels.rods.coupled_newton.conjugate import GAIN, ROUNDS
 from wsim.kernels.rods.coupled_newton.coupled import ACTIVE, GOING, MOST, CoupledRods, judge_world_iteration, search_step_length
 from wsim.kernels.rods.coupled_newton.nodes import RodTeam, assemble_strand_node
@@ -33,11 +34,12 @@ BLOCK = 256              # threads of a world on a GPU
 
 
 @cache
-def correction_kernels(threads: int, bearing: bool, module: str):
+def correction_kernels(threads: int, bearing: bool, module: str, closed: bool = False):
     """Kernels over threads of worlds: the correction; with `bearing`, rigid bodies, apart from it, what follows. threads: of a
-    block; 1 on a CPU."""
+    block; 1 on a CPU. closed: some strands are."""
     together = no_barrier if threads == 1 else block_barrier
-    width, (go_round, aim), ints = min(threads, 32), conjugate_round_funcs(threads, bearing), wp.array(dtype=int)
+    width, (go_round, aim), ints = min(threads, 32), conjugate_round_funcs(threads, bearing, closed), wp.array(dtype=int)
+    solve, alone = world_solve_func(threads, closed), not (bearing or closed)
 
     @wp.func
     def sum_up(S: RodTable, G: CoupledRods, P: EdgePairs, A: RodTeam, B: RodContacts, lane: int, w: int):
@@ -70,7 +72,16 @@ def correction_kernels(threads: int, bearing: bool, module: str):
         count = G.first[w + 1] - first
         together()
         factor_cyclic_reduction(S.points, A.nodes, first, count, A.most[w])
-        solve_cyclic_reduction(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[w])
+        if wp.static(closed):
+            columns = int(seams.ROWS)
+            for c in range(columns):
+                seams.fill_seam_column(S, G, c, lane, wp.static(threads), w)
+                together()
+                solve_cyclic_reduction(S.points, A.nodes, A.work, G.q, T.z, first, count, A.most[w])
+                seams.keep_seam_column(S, T, G, A, c, lane, wp.static(threads), w)
+                together()
+            seams.factor_seams(S, T, G, A, lane, wp.static(threads), w)
+        solve(S, T, G, A, lane, w)
         rho = wp.float64(0.0)
         for t in range(lane, count * S.length.shape[0], wp.static(threads)):
             i = t / count
@@ -182,7 +193,7 @@ def correction_kernels(threads: int, bearing: bool, module: str):
         least = GAIN * rho
         turning = pressed and rho > wp.float64(0.0)
         count = G.first[w + 1] - G.first[w]
-        if not wp.static(bearing):
+        if wp.static(alone):
             if turning:
                 rounds = go_reduced(S, T, G, P, A, rho, wp.vec3i(lane, wp.static(threads), w))
                 turning = rounds == 0

@@ -10,7 +10,9 @@ substep.
     k = max(STIFF m / h^2, E A / d):    what is pressed by a tension T sinks by about the strain T / (E A), in diameters
 
 Points know the pairs of their edges (`of`), in the order of the pairs' points and not of the list, and gather what these add
-up: the same bits from run to run.
+up: the same bits from run to run. Of a closed strand pairs name the points themselves, so that search and proof know no seam;
+what its last edge puts on the first point is gathered in the row of that point's copy, which is behind the last one
+(kernels/rods/seam.py): blocks of the strand stay beside their diagonal, and the seam's forces carry it to the point.
 """
 
 from functools import cache
@@ -46,6 +48,14 @@ class EdgePointConstants:
     gravity: wp.array(dtype=wp.vec3d)              # [m/s^2], by strand
 
 
+@wp.func
+def pair_point_row(ids: wp.vec4i, c: int, next: int):
+    """Row in flat arrays of what point c of a pair gathers; next: from a point to the one behind it there."""
+    if c % 2 == 1:
+        return ids[c - 1] + next
+    return ids[c]
+
+
 @cache
 def edge_list_kernels(module: str):
     """Kernels that make `of` anew behind a search, and carry over what pairs had that were listed before. A point without room
@@ -62,7 +72,7 @@ def edge_list_kernels(module: str):
         return a < b
 
     @wp.kernel(module=module, enable_backward=False)
-    def enlist_edge_pairs(near_at: wp.array(dtype=NearPairs), to: EdgePairs):
+    def enlist_edge_pairs(near_at: wp.array(dtype=NearPairs), next: int, to: EdgePairs):
         near = near_at[0]
         i = wp.tid()
         if i < wp.min(near.count[0], near.capacity):
@@ -70,16 +80,16 @@ def edge_list_kernels(module: str):
             to.stick[i] = wp.vec3d()
             to.load[i] = wp.float64(0.0)
             for c in range(4):
-                p = near.ids[i][c]
+                p = pair_point_row(near.ids[i], c, next)
                 slot = wp.atomic_add(to.many, p, 1)
                 if slot < to.of.shape[1]:
                     to.of[p, slot] = 4 * i + c
 
     @wp.kernel(module=module, enable_backward=False)
-    def order_edge_entries(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), word: int, to: EdgePairs,
+    def order_edge_entries(row: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), word: int, to: EdgePairs,
                            said: wp.array(dtype=int), words: wp.array(dtype=int)):
         near = near_at[0]
-        p = point[wp.tid()]
+        p = row[wp.tid()]
         if to.many[p] > to.of.shape[1]:
             wp.atomic_max(said, word, to.many[p])
             wp.atomic_max(words, pairs.LACKED, 1)
@@ -92,11 +102,11 @@ def edge_list_kernels(module: str):
             to.of[p, j] = own
 
     @wp.kernel(module=module, enable_backward=False)
-    def drop_crowded_lists(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), to: EdgePairs,
+    def drop_crowded_lists(row: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), to: EdgePairs,
                            words: wp.array(dtype=int)):
         near = near_at[0]
         if words[pairs.LACKED] > 0:
-            to.many[point[wp.tid()]] = 0
+            to.many[row[wp.tid()]] = 0
             near.count[0] = 0
             words[pairs.NEAR] = 0
             words[pairs.SOON] = 0
@@ -197,12 +207,12 @@ def edge_press_kernel(module: str):
 
 @cache
 def edge_gather_kernel(module: str):
-    """Kernel: which pairs press points, and what they add up there. next: from a point to the one behind it in flat arrays."""
+    """Kernel over rows of points: which pairs press them, and what they add up there."""
     @wp.kernel(module=module, enable_backward=False)
-    def gather_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), P: EdgePairs, next: int, f_out: wp.array(dtype=wp.vec3d),
-                     K_out: wp.array(dtype=wp.mat33d), along_out: wp.array(dtype=wp.mat33d)):
+    def gather_pairs(row: wp.array(dtype=int), s: Surfaces, near_at: wp.array(dtype=NearPairs), P: EdgePairs,
+                     f_out: wp.array(dtype=wp.vec3d), K_out: wp.array(dtype=wp.mat33d), along_out: wp.array(dtype=wp.mat33d)):
         near = near_at[0]
-        p = s.point[wp.tid()]
+        p = row[wp.tid()]
         f = wp.vec3d()
         K = wp.mat33d()
         along = wp.mat33d()

@@ -59,7 +59,6 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     if through:
         yield object_warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
                              "colliders, rigid bodies, or cloth and soft bodies that collide as strands do",
-                             "leave the curves open, with wsim:selfCollision, or make it a collider" if rods.closed else
                              "give wsim:selfCollision to both, or what they shall meet as a collider")
     if scene.things("Body"):
         yield from _check_strands_in_bodies(rods, scene)
@@ -159,13 +158,10 @@ def _check_rod_arrays(rods: Rods) -> Iterator[Problem]:
 
 
 def _check_closed_rods(rods: Rods) -> Iterator[Problem]:
-    """Rings that cannot be, or are not solved for yet."""
+    """Rings that cannot be."""
     if rods.closed and rods.counts.min() < LEAST:
         yield thing_error(rods.path, f"a closed strand has {rods.counts.min()} points", f"{LEAST} or more",
                            "give a point more, or leave closed (of curves: wrap = periodic) out")
-    if rods.closed and rods.self_collision:
-        yield thing_error(rods.path, "closed strands are to meet themselves or surfaces (self_collision)",
-                           "colliders and rigid bodies", "leave wsim:selfCollision off, or leave the curves open")
 
 
 def _check_edge_lengths(rods: Rods) -> Iterator[Problem]:

@@ -12,6 +12,7 @@ import warp as wp
 
 from wsim.kernels.rods import tables
 from wsim.kernels.rods.coupled_newton import conjugate, coupled, nodes, team
+from wsim.kernels.rods.coupled_newton.closed import ROWS
 from wsim.kernels.rods.coupled_newton.ends import coupled_begin_kernels, coupled_end_kernels
 from wsim.kernels.rods.coupled_newton.reduced import COLUMNS, PAIRS
 from wsim.kernels.rods.coupled_newton.reduction import MATRICES, SIZE
@@ -52,8 +53,8 @@ FEW = 512                     # strands: with as many, a thread each costs no mo
 
 
 def uses_thread_teams(table, worlds: int, device) -> bool:
-    """True if a block of threads a world solves its strands, False: a thread a strand, as where some are closed."""
-    return not table.closed and device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM
+    """True if a block of threads a world solves its strands, False: a thread a strand."""
+    return device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM
 
 
 class CoupledStrands:
@@ -92,7 +93,8 @@ class CoupledStrands:
         t, zeros, worlds = self.table, self.zeros, self.ground.worlds
         self.threads = team.BLOCK if device.is_cuda else 1
         self.part = nodes.part_point_kernel(names, self.strands.airy, module)
-        self.correct, self.conclude = team.correction_kernels(self.threads, bodies, self.ground.module_of(self.threads, "team"))
+        self.correct, self.conclude = team.correction_kernels(self.threads, bodies, self.ground.module_of(self.threads, "team"),
+                                                                t.closed)
         two, size = (t.longest, t.strands), SIZE * ((t.longest + 1) // 2) * t.strands
         most = np.zeros(worlds, np.int32)
         np.maximum.at(most, self.worlds_of, ((t.counts + 1) // 2).astype(np.int32))
@@ -102,7 +104,9 @@ class CoupledStrands:
             most=self.ground.upload(most, int), sums=zeros(worlds, dtype=wp.vec3d), before=zeros(two, dtype=wp.vec3d))
         steps = int(most.max() - 1).bit_length() + 1
         presses = any(rods.self_collision for rods in self.strands.model.scene.things("Rods")) and not bodies
-        if presses and 8 * worlds * COLUMNS * (COLUMNS + 16 * steps) <= ROOM:
+        if t.closed:
+            self.team.slack, self.team.lam = zeros((ROWS, *two), dtype=wp.vec4d), zeros((t.strands, 2), dtype=wp.vec4d)
+        elif presses and 8 * worlds * COLUMNS * (COLUMNS + 16 * steps) <= ROOM:
             self.team.chosen, self.team.where = zeros((worlds, PAIRS), dtype=int), zeros((worlds, steps, COLUMNS), dtype=int)
             self.team.path = zeros((worlds, 16 * steps, COLUMNS), dtype=wp.float64)
             self.team.compliance = zeros((worlds, COLUMNS, COLUMNS), dtype=wp.float64)

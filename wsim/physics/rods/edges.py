@@ -1,6 +1,7 @@
 """Edges of strands that touch each other, as tables of the search and the proof of surfaces
 (kernels/contact/selfcontact/pairs.py), of edges alone. A strand's rest shape is the line of its own length: what keeps
-neighbours apart is the length between them."""
+neighbours apart is the length between them. That of a closed one is a polygon in a circle, as long as it: alike wherever its
+first point is. Its last edge leads back to that point itself, and not to the copy of it (kernels/rods/seam.py)."""
 
 from __future__ import annotations
 
@@ -23,19 +24,22 @@ if TYPE_CHECKING:
 
 
 class StrandEdges:
-    """Rods that say so touch themselves and each other, as `ContactSurfaces` do."""
+    """Rods that say so touch themselves and each other, as `ContactSurfaces` do. rows: of `points`, and of the copies that
+    second points of last edges of closed strands have (kernels/rods/edges/touch.py)."""
 
     def __init__(self, table: StrandTable, ground: CoupledGround):
         self.table, self.ground, m = table, ground, table.strands
         on = np.zeros(m, bool)
         for own, (rods, _) in zip(table.own, table.pairs, strict=True):
             on[own] = rods.self_collision
-        number = np.arange(table.longest)[:, None]
-        points = ((number < table.counts) & on).ravel()
-        behind = ((number + 1 < table.counts) & on).ravel()
+        number, count, closed = np.arange(table.longest)[:, None], table.own_counts, table.copies > 0
+        points = ((number < count) & on).ravel()
+        behind = ((number + 1 < count + closed) & on).ravel()
         self.points = np.flatnonzero(points).astype(np.int32)
+        self.rows = np.flatnonzero((number < count + closed) & on).astype(np.int32)
         first = np.flatnonzero(behind)
-        self.edges = np.stack([first, first + m], axis=1).astype(np.int32)
+        second = np.where(first // m + 1 < count[first % m], first + m, first % m)
+        self.edges = np.stack([first, second], axis=1).astype(np.int32)
         self.triangles = np.zeros((0, 3), np.int32)
         self.own = self.free = {"points": len(self.points), "edges": len(self.edges), "triangles": 0}
         self.obstacles, self.total = None, ground.points
@@ -49,9 +53,7 @@ class StrandEdges:
         self.thickness = 2.0 * float(reach[self.points].max(initial=0.0))
         length = table.values["length"].ravel()[first]
         self.edge = float(length.mean())
-        along = np.zeros((table.longest, m))
-        along[1:] = np.cumsum(table.values["length"][:-1], axis=0)
-        self.along = along.ravel()                                       # length at rest from the first point [m]
+        self.rest = _rest_shapes(table).reshape(-1, 3)
         self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
         self.data = self._upload(ground, reach)
 
@@ -63,14 +65,14 @@ class StrandEdges:
             far[own] = t.origin[own] - M[:3, 3]
             unit[own] = WRITTEN * np.linalg.cond(M[:3, :3])
             friction[own] = rods.static_friction, rods.dynamic_friction
-        free = (t.hold < 0) & (t.values["m"] > 0.0)
-        w = np.where(free, 1.0 / np.where(free, t.values["m"], 1.0), 0.0).ravel()
+        free, mass = (t.hold < 0) & (t.values["m"] > 0.0), t.masses.reshape(t.hold.shape)
+        w = np.where(free, 1.0 / np.where(free, mass, 1.0), 0.0).ravel()
         up, k = ground.upload, self.strand
         self.base = t.origin[0]
         return fill_struct(
             pairs.surface_type(wp.float64), w=up(w, wp.float64), point=up(self.points, int), edge=up(self.edges, wp.vec2i),
             triangle=up(self.triangles, wp.vec3i), unit=up(unit[k], wp.float64), reach=up(reach, wp.float64),
-            friction=up(friction[k], wp.vec2d), rest=up(self.along[:, None] * (1.0, 0.0, 0.0), wp.vec3d), body=up(k, int),
+            friction=up(friction[k], wp.vec2d), rest=up(self.rest, wp.vec3d), body=up(k, int),
             world=up(self.world, int), role=up(np.zeros_like(self.world), int),
             shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
             longest=LONG * self.edge, tied=0, ulp=ULP[np.float64])
@@ -84,7 +86,7 @@ class StrandEdges:
         x, first, reach = self.start(self.ground) + self.base, self.world == 0, self.table.values["radius"].ravel()
         own, edges, paths = self.points[first[self.points]], self.edges[first[self.edges[:, 0]]], self.paths[self.strand]
         refuse_crowded_points(x[own], paths[own], "strands", self)
-        return report_touching_strands(StartingStrands(x, self.along, reach, edges, self.strand[edges[:, 0]],
+        return report_touching_strands(StartingStrands(x, self.rest, reach, edges, self.strand[edges[:, 0]],
                                                        paths[edges[:, 0]]))
 
     def sides(self) -> SimpleNamespace:
@@ -94,5 +96,19 @@ class StrandEdges:
         A[-1] = A[-2]
         last = np.arange(self.table.strands)
         A[self.table.counts - 1, last] = A[np.maximum(self.table.counts - 2, 0), last]
-        return SimpleNamespace(m=V["m"].ravel(), strand=self.strand,
+        return SimpleNamespace(m=self.table.masses, strand=self.strand,
                                hard=(A / np.where(d > 0.0, d, 1.0)).ravel())
+
+
+def _rest_shapes(table: StrandTable) -> np.ndarray:
+    """Places of points in the rest shapes of their strands [m], (longest, strands, 3)."""
+    length, m = table.values["length"], table.strands
+    found = np.zeros((table.longest, m, 3))
+    found[1:, :, 0] = np.cumsum(length[:-1], axis=0)
+    for k in np.flatnonzero(table.copies):
+        n = table.own_counts[k]
+        turn = 2.0 * np.pi * found[:n, k, 0] / length[:n, k].sum()
+        circle = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+        around = np.linalg.norm(circle - np.roll(circle, 1, axis=0), axis=1).sum()
+        found[:n, k] = circle * (length[:n, k].sum() / around)
+    return found

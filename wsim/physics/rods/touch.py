@@ -108,6 +108,7 @@ class StrandSelfContact(CoupledStrands):
         self.sides = fill_struct(touch.EdgePointConstants, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
                                                               for k, v in vars(self.edges.sides()).items()})
         self.none = self.zeros(self.ground.points, dtype=wp.vec3d)
+        self.row = self.ground.upload(self.edges.rows, int)
         self.deep, self.total = max(ROOM, min(WIDE, ENTRIES // self.ground.points)), np.zeros(clamp.SAID + 1, np.int64)
         self.frames = self.repeats = 0
         self.went_on = False                 # True: an earlier run has left what pairs remember
@@ -190,12 +191,12 @@ class StrandSelfContact(CoupledStrands):
 
     def index(self) -> None:
         """The pairs of every point, of a list in which none remembers anything yet."""
-        near, P, launch, point = self.near, self.pressed, self.ground.launch, self.edges.data.point
+        near, P, launch, row = self.near, self.pressed, self.ground.launch, self.row
         P.many.zero_()
         P.ons.zero_()
-        launch(self.enlist, near.pairs.capacity, [near.table], [P])
-        launch(self.order, len(point), [point, near.table, FULL], [P, self.said, near.words])
-        launch(self.drop, len(point), [point], [near.table, P, near.words])
+        launch(self.enlist, near.pairs.capacity, [near.table, self.table.strands], [P])
+        launch(self.order, len(row), [row, near.table, FULL], [P, self.said, near.words])
+        launch(self.drop, len(row), [row], [near.table, P, near.words])
 
     def again(self) -> None:
         """A list along the path that was solved for, and where its pairs are."""
@@ -218,8 +219,7 @@ class StrandSelfContact(CoupledStrands):
     def gathered(self) -> None:
         T = self.strands.trial
         self.forces()
-        self.ground.launch(self.gather, len(self.edges.points), [self.edges.data, self.near.table, self.pressed,
-                                                                 self.table.strands],
+        self.ground.launch(self.gather, len(self.row), [self.row, self.edges.data, self.near.table, self.pressed],
                            [T.press.reshape(-1), T.stiff.reshape(-1), T.along.reshape(-1)])
 
     def held(self) -> None:

@@ -51,8 +51,9 @@ class StrandSurfaceContacts:
         number[own] = np.arange(len(own))
         self.edges = number[edges.edges]
         strand = edges.strand[own]
-        free = (t.hold.ravel()[own] < 0) & (t.values["m"].ravel()[own] > 0.0)
-        self.w = np.where(free, 1.0 / np.where(free, t.values["m"].ravel()[own], 1.0), 0.0)
+        mass = t.masses[own]
+        free = (t.hold.ravel()[own] < 0) & (mass > 0.0)
+        self.w = np.where(free, 1.0 / np.where(free, mass, 1.0), 0.0)
         self.reach, self.world, self.strand = t.values["radius"].ravel()[own], edges.world[own], strand
         self.friction, self.unit = np.zeros((t.strands, 2)), np.zeros(t.strands)
         self.prim = np.zeros((t.strands, 3))
@@ -61,9 +62,7 @@ class StrandSurfaceContacts:
             self.friction[each] = rods.static_friction, rods.dynamic_friction
             self.unit[each], self.prim[each] = STEPS * WRITTEN * np.linalg.cond(M[:3, :3]), M[:3, 3]
         self.friction, self.unit = self.friction[strand], self.unit[strand]
-        along = np.zeros((t.longest, t.strands, 3))
-        along[1:, :, 0] = np.cumsum(t.values["length"][:-1], axis=0)
-        self.along = along.reshape(-1, 3)[own]
+        self.rest = edges.rest[own]
         self._allocate(module)
         n = strands.substeps
         what = (f"{t.strands} strands of {len(own)} points, {n} substeps of BDF2, or backward Euler where they touch, float64; "

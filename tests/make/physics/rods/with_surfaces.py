@@ -3,7 +3,7 @@
 import numpy as np
 
 from wsim.physics.contact.selfcontact.crossings import crossed_triangles
-from wsim.physics.rods.objects import Rods
+from wsim.physics.rods.objects import Rods, segment_ends
 from wsim.scene import Pin, Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
@@ -35,9 +35,7 @@ def crossed(sim: Simulation) -> int:
     points, triangles, edges, count = [], [], [], 0
     for k, (each, world) in enumerate(rods.table.pairs):
         if world == 0:
-            last = np.cumsum(each.counts) - 1
-            first = count + np.setdiff1d(np.arange(len(each.points)), last)
-            edges.append(np.stack([first, first + 1, first + 1], axis=1))
+            edges.append(count + segment_ends(each)[:, [0, 1, 1]])
             points.append(rods.points(k)[0])
             count += len(each.points)
     for body in (b for b in sim.model.bodies if b.world == 0):

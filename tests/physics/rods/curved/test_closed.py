@@ -209,7 +209,6 @@ def test_closed_rods_are_periodic_curves_and_go_on_from_their_file(tmp_path):
 @pytest.mark.parametrize("points, more, said", [
     (ring(20)[:2], {}, "a closed strand has 2 points; allowed: 3 or more"),
     (np.concatenate([ring(20), ring(20)[:1]]), {}, "closed strands name their first point once"),
-    (ring(20), {"self_collision": True}, "closed strands are to meet themselves"),
 ])
 def test_rings_that_cannot_be_are_refused_in_a_line(points, more, said):
     made, _ = rubber(points, **more)

@@ -98,11 +98,11 @@ def refuse_crowded_points(x: np.ndarray, paths: np.ndarray, what: str, tables: A
 
 @dataclass
 class StartingStrands:
-    """Edges of strands of a world where they start. x: places [m], (n, 3); along: length at rest from the first point of the
-    strand [m], (n,); reach: radii [m], (n,); edges: (e, 2); strand, path: of each, (e,)."""
+    """Edges of strands of a world where they start. x: places [m], (n, 3); rest: places in the rest shape of the strand [m],
+    (n, 3); reach: radii [m], (n,); edges: (e, 2); strand, path: of each, (e,)."""
 
     x: np.ndarray
-    along: np.ndarray
+    rest: np.ndarray
     reach: np.ndarray
     edges: np.ndarray
     strand: np.ndarray
@@ -110,10 +110,10 @@ class StartingStrands:
 
     def keep(self, pairs: np.ndarray) -> np.ndarray:
         """Distances [m] that pairs of edges keep, (k,), as kernels/contact/selfcontact/search.py has them."""
-        radius, ends = self.reach[self.edges].max(axis=1), self.along[self.edges[pairs]]
-        between = ends.min(axis=2).max(axis=1) - ends.max(axis=2).min(axis=1)
-        same = self.strand[pairs[:, 0]] == self.strand[pairs[:, 1]]
-        return np.where(same, np.minimum(REST * between, radius[pairs].sum(axis=1)), radius[pairs].sum(axis=1))
+        found = self.reach[self.edges].max(axis=1)[pairs].sum(axis=1)
+        same = np.flatnonzero(self.strand[pairs[:, 0]] == self.strand[pairs[:, 1]])
+        found[same] = np.minimum(found[same], REST * segment_distances(*np.swapaxes(self.rest[self.edges[pairs[same]]], 0, 1)))
+        return found
 
     def near(self, most: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Pairs of edges that are nearer than SUNK of what they keep, (k, 2), nearest first, and the part of it that they have,

@@ -177,7 +177,7 @@ class ContactSurfaces:
             ("friction", [b.friction for b in model.bodies]))}}
         if self.strands:
             r, zero = self.strands, np.zeros((self.strands.points, 3))
-            more = {"rest": r.start() if tied else r.along, "shift": zero, "far": zero, "friction": r.friction, "unit": r.unit}
+            more = {"rest": r.start() if tied else r.rest, "shift": zero, "far": zero, "friction": r.friction, "unit": r.unit}
             found = {name: np.concatenate([values, more[name]]) for name, values in found.items()}
         if self.obstacles:
             o, n = self.obstacles, self.total - self.obstacles.first
