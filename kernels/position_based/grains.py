@@ -18,7 +18,7 @@ converge over substeps, not within one, and friction remembers what it holds.
 
 Grains that stand on others answer such contacts alone, so that deep piles need few iterations: stacks.py.
 
-Here grains do not turn, as if resistance to rolling had no bound. Those that do: rolling.py.
+Here grains do not turn, as if resistance to rolling had no bound. Those that do: rolling/pairs.py.
 """
 
 from functools import cache

@@ -123,6 +123,7 @@ def held_type(real):
         h.keep = pushed[3]
         o = h.ids[0]
         started, W, mu, rubs = t.vec3(), real(0.0), t.vec2(), real(1.0)
+        rolls = bool(False)
         for k in range(4):
             q = h.ids[k]
             started += h.b[k] * (at.e[q] - at.e[o])
@@ -131,7 +132,11 @@ def held_type(real):
             W += effective_mass_part(turn, h.b[k], q, s, to)
             mu += real(0.5) * wp.abs(h.b[k]) * s.friction[q]
             rubs *= s.w[q]
+            if s.rolls:
+                rolls = rolls or s.rolls[q] > 0
         h.W = W
+        if rolls:
+            mu = t.vec2()
         h.mu = mu
         h.gap = there[3] - wp.min(h.keep, there[3] + climb) - wp.dot(h.n, started)
         if mu[0] * rubs > real(0.0):                      # what cannot move takes moments

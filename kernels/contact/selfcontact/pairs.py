@@ -59,6 +59,7 @@ def surface_type(real):
         world: wp.array(dtype=int)
         role: wp.array(dtype=int)                 # OWN, MET, BALL
         there: wp.array(dtype=int)                # 1: the ball is there; empty: all are
+        rolls: wp.array(dtype=int)                # 1: a ball that turns, friction is not here (position_based/rolling); or none
         beta: t.scalar                            # least radius of tubes [m]
         longest: t.scalar                         # that they lead ahead by, at most [m]
         tied: int                                 # 1: bodies share points, and `rest` is where they start

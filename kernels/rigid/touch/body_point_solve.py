@@ -29,6 +29,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.math.team import team_sum_func
+from wsim.kernels.rigid.touch.contact_impulse import StarSums, star_impulse_func, star_structs
 
 EVALUATIONS = wp.constant(80)
 LEAST_STEP = wp.constant(wp.float64(1e-3))     # part of a Newton step below which it is taken as it is
@@ -37,87 +38,6 @@ SMALL = wp.constant(wp.float64(1e-22))         # of F^2 to that of the impulses 
 
 real, vec3, mat33 = wp.float64, wp.vec3d, wp.mat33d
 VALUES, sum_values = wp.types.vector(43, real), team_sum_func(43)  # those of `StarSums`
-
-
-@cache
-def star_structs(of):
-    """(Rows, Hubs): contacts in the order of their bodies, those of body k in first[k] .. first[k + 1]; bodies."""
-    t = types(of)
-
-    @wp.struct
-    class StarRows:
-        first: wp.array(dtype=int)                # (bodies + 1,)
-        slot: wp.array(dtype=int)                 # of each contact, (room,)
-        n: wp.array(dtype=t.vec3)
-        r: wp.array(dtype=t.vec3)                 # arm [m]
-        base: wp.array(dtype=of)
-        least: wp.array(dtype=of)
-        slip: wp.array(dtype=t.vec3)
-        mu: wp.array(dtype=of)
-        f: wp.array(dtype=of)
-        soft: wp.array(dtype=of)                  # 1 / (1 + a) of balls that turn (rolling_law.py), 1 of others; or none
-
-    @wp.struct
-    class StarHubs:
-        """Of bodies; w [1/kg] and turn, inverse (principal, 1/[kg m^2]) as kernels/rigid/motion.py has them."""
-        w: wp.array(dtype=of)
-        inverse: wp.array(dtype=t.vec3)
-        turn: wp.array(dtype=t.mat33)
-        q: wp.array(dtype=vec3)                   # momentum, (bodies,), then angular momentum, (2 bodies,)
-
-    return StarRows, StarHubs
-
-
-@cache
-def star_impulse_func(of, rolling: bool = False):
-    """Function: P of contact s and its derivative by U, where the body gives the place U. rub: part of its friction. rolling:
-    friction turns balls, too, and stops the part `soft` of their slip."""
-    Rows, _ = star_structs(of)
-
-    @wp.func
-    def star_impulse_and_slope(rows: Rows, s: int, k: real, g: real, rub: real, U: vec3):
-        n = vec3(rows.n[s])
-        lam = real(rows.base[s]) + k * wp.dot(n, U)
-        least = real(rows.least[s])
-        slope = mat33()
-        mu = real(0.0)
-        if lam > least:
-            slope = k * wp.outer(n, n)
-            mu = rub * real(rows.mu[s])
-        else:
-            lam = least
-        P = lam * n
-        if mu > real(0.0) and lam > real(0.0):
-            across = wp.identity(n=3, dtype=real) - wp.outer(n, n)
-            slide = across * (vec3(rows.slip[s]) - g * U)
-            stopped = g
-            if wp.static(rolling):
-                slide = real(rows.soft[s]) * slide
-                stopped = real(rows.soft[s]) * g
-            size = wp.length(slide)
-            bound = mu * lam
-            if size <= bound:
-                P = P - slide
-                slope = slope + stopped * across
-            else:
-                way = slide / size
-                P = P - bound * way
-                slope = slope - (mu * k) * wp.outer(way, n) + (bound * stopped / size) * (across - wp.outer(way, way))
-        return P, slope
-
-    return star_impulse_and_slope
-
-
-@wp.struct
-class StarSums:
-    """Over contacts: impulse and its moment, size, and the derivatives of both by velocity (A, C) and spin (B, D)."""
-    J: vec3
-    T: vec3
-    A: mat33
-    B: mat33
-    C: mat33
-    D: mat33
-    size: real
 
 
 @wp.func
@@ -164,9 +84,13 @@ def inertia_and_inverse(R: mat33, inverse: vec3):
 
 @cache
 def star_sum_func(of, rolling: bool = False):
-    """Function: the part of lane `lane` of the sums at V = (v, o). kg: k, g, and the part of friction that acts."""
+    """Function: the part of lane `lane` of the sums at V = (v, o). kg: k, g, and the part of friction that acts. rolling: balls
+    turn."""
     Rows, _ = star_structs(of)
-    formula = star_impulse_func(of, rolling)
+    formula = star_impulse_func(of)
+    if rolling:
+        from wsim.kernels.position_based.rolling.bodies import rolling_star_sum_func
+        return rolling_star_sum_func(of)
 
     @wp.func
     def sum_star_contacts(rows: Rows, body: int, lane: int, lanes: int, kg: vec3, v: vec3, o: vec3):

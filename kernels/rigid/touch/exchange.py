@@ -54,7 +54,7 @@ def star_energy_funcs(real):
 @cache
 def star_contact_funcs(real, rolling: bool = False):
     """(gather, tell): functions of contact m. gather: its row of a star; tell: its plane and the speed of its surface, where
-    the body goes by V, (v, o). rolling: balls turn (kernels/position_based/rolling_law.py)."""
+    the body goes by V, (v, o). rolling: balls turn (kernels/position_based/rolling/law.py)."""
     t, (_, Found, Points), Rows, Slots = types(real), touch_structs(real), stars(real)[0], project.slot_type(real)
     Table = project.contact_tables(real)[0]
 
@@ -75,10 +75,12 @@ def star_contact_funcs(real, rolling: bool = False):
         rows_out.slip[m] = (d0 - p.a[i]) - p.g * found.u[m]
         rows_out.mu[m] = bound
         if wp.static(rolling):
-            kappa = found.roll.own[i][0]
-            rows_out.soft[m] = real(1.0) / (real(1.0) + kappa)
-            if kappa > real(0.0):
-                rows_out.slip[m] = rows_out.slip[m] + wp.cross(n, found.roll.phi[i]) - kappa * (P - lam * n)
+            own = found.roll.own[i]
+            rows_out.ball[m] = own
+            if own[0] > real(0.0):
+                phi = found.roll.phi[i] + own[0] * (wp.cross(n, P) - found.roll.q[j])
+                rows_out.slip[m] = rows_out.slip[m] + wp.cross(n, phi)
+                rows_out.psi[m] = phi - found.roll.wall[j]
         if project.is_tied_slot(s, j):
             rows_out.least[m] = real(-wp.static(PULL))
             rows_out.mu[m] = real(0.0)
@@ -92,6 +94,9 @@ def star_contact_funcs(real, rolling: bool = False):
         s_out.u[j] = t.vec3(real(wp.float64(found.u[m][0]) + U[0]), real(wp.float64(found.u[m][1]) + U[1]),
                             real(wp.float64(found.u[m][2]) + U[2]))
         s_out.b[j] = real(wp.float64(found.b[m]) - wp.float64(h) * wp.dot(double_vec3(n), U))
+        if wp.static(rolling):
+            swing = wp.float64(h * rows.ball[m][2]) * o
+            found.roll.swing[j] = t.vec3(real(swing[0]), real(swing[1]), real(swing[2]))
 
     return gather_star_row, update_contact_plane
 
@@ -108,8 +113,11 @@ def star_body_funcs(real, rolling: bool = False):
         n = rig.b.w.shape[0]
         R = wp.mat33d(rig.work.turn[i])
         at = rotate_moments(R, double_vec3(rig.b.inverse[i]), found.ahead[n + i])
+        moment = found.total[n + i]
+        if wp.static(rolling):
+            moment += found.rolled[i]
         out.q[i] = double_vec3(rig.now.p[i]) + given * found.total[i] - found.ahead[i] / wp.float64(rig.b.w[i])
-        out.q[n + i] = double_vec3(rig.now.L[i]) + given * found.total[n + i] - at
+        out.q[n + i] = double_vec3(rig.now.L[i]) + given * moment - at
 
     @wp.func
     def ball_torque(found: Found, j: int):
@@ -179,9 +187,9 @@ def star_row_kernel(real, module, rolling: bool = False):
 
 
 @cache
-def star_hub_kernel(real, module):
+def star_hub_kernel(real, module, rolling: bool = False):
     """Kernel over bodies, see `star_body_funcs`."""
-    Found, Rig, Hubs, own = touch_structs(real)[1], rig_type(real), stars(real)[1], star_body_funcs(real)[0]
+    Found, Rig, Hubs, own = touch_structs(real)[1], rig_type(real), stars(real)[1], star_body_funcs(real, rolling)[0]
 
     def touch_hubs(rig: Rig, found: Found, given: wp.float64, out: Hubs):
         own(rig, found, given, wp.tid(), out)
@@ -190,9 +198,10 @@ def star_hub_kernel(real, module):
 
 
 @cache
-def contact_plane_kernel(real, module):
+def contact_plane_kernel(real, module, rolling: bool = False):
     """Kernel over the room for contacts: planes and speeds of surfaces, as bodies go by V."""
-    Found, Rows, Slots, own = touch_structs(real)[1], stars(real)[0], project.slot_type(real), star_contact_funcs(real)[1]
+    Found, Rows, Slots, own = (touch_structs(real)[1], stars(real)[0], project.slot_type(real),
+                               star_contact_funcs(real, rolling)[1])
 
     def touch_tell(rows: Rows, found: Found, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), h: real, s_out: Slots):
         m = wp.tid()

@@ -20,6 +20,9 @@ rebound,
 by impulses that change no place, and a memory is told of both (`remember`).
 """
 
+# Device code: int(0) makes a variable of what would be a constant.
+# ruff: noqa: UP018
+
 from functools import cache
 
 import warp as wp
@@ -27,7 +30,7 @@ import warp as wp
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate_rotation, multiply_rotations, rotate_vector, unit_quaternion
-from wsim.kernels.position_based.rolling_law import roll_type
+from wsim.kernels.position_based.rolling.law import roll_type
 from wsim.kernels.rigid.contact import rig_type
 from wsim.kernels.rigid.motion import double_quat, double_vec3, free_rotor_step
 from wsim.kernels.rigid.touch.body_point_solve import star_structs as stars
@@ -205,3 +208,22 @@ def found_contact_kernel(real, module, rolling: bool = False):
             own(shapes, rig, s, p, m, rows_out, out)
 
     return wp.kernel(touch_found, name=f"touch_found_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def group_bound_kernel(module):
+    """Kernel over groups + 1: where each begins among the sorted numbers."""
+
+    def find_group_bounds(keys: wp.array(dtype=int), room: int, first_out: wp.array(dtype=int)):
+        group = wp.tid()
+        low = int(0)
+        high = room
+        while low < high:
+            middle = (low + high) // 2
+            if keys[middle] < group:
+                low = middle + 1
+            else:
+                high = middle
+        first_out[group] = low
+
+    return wp.kernel(find_group_bounds, name="bounds_of_groups", module=module, enable_backward=False)

@@ -174,7 +174,8 @@ def star_round_funcs(real, rolling: bool = False):
     foreseen, or those before the round. first: 1 in the first round."""
     Worlds, Rig, Slots, Points = world_type(real), rig_type(real), project.slot_type(real), touch_structs(real)[2]
     Table = project.contact_tables(real)[0]
-    (gather, tell), (hub, _), solve = star_contact_funcs(real, rolling), star_body_funcs(real), star_solve_func(real, rolling)
+    (gather, tell), (hub, _), solve = (star_contact_funcs(real, rolling), star_body_funcs(real, rolling),
+                                     star_solve_func(real, rolling))
     (energy, weight), near, aim = star_energy_funcs(real), NEAR[real] ** 2, star_aim_func(real)
 
     @wp.func
@@ -222,7 +223,7 @@ def world_point_func(real, threads: int, rolling: bool = False):
     Worlds, Slots, Points = world_type(real), project.slot_type(real), touch_structs(real)[2]
     (Table, Reach), projected, near = project.contact_tables(real), project.point_projection_func(real), NEAR[real] ** 2
     if rolling:
-        from wsim.kernels.position_based.rolling_walls import rolling_point_func
+        from wsim.kernels.position_based.rolling.walls import rolling_point_func
         turning = rolling_point_func(real)
 
     @wp.func

@@ -16,7 +16,8 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch import groups, strand_contacts, strand_forces, strand_ties, strands
+from wsim.kernels.rigid.touch import strand_contacts, strand_forces, strand_ties, strands
+from wsim.kernels.rigid.touch.points import group_bound_kernel
 from wsim.kernels.rods.tables import RodContacts
 from wsim.model.stage import Remedy
 from wsim.model.state import StateField
@@ -69,7 +70,7 @@ class StrandBodyContacts:
         self.leaning, self.crossing, self.measuring, self.taking = strands.body_newton_kernels(module)
         self.pushing = strands.body_motion_force_kernel(module)
         self.giving, self.cling = strands.strand_end_kernels(real, module)
-        self.bounds = groups.group_bound_kernel(module)
+        self.bounds = group_bound_kernel(module)
         self.gap: Any = None
         if "tie" in s.part.arrays:
             put_ties(self, rigid, s)

@@ -2,14 +2,13 @@
 that no substep ends with an intersection that it did not begin with.
 
 XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps they come as impulses, BEHIND of them,
-and more while a pair would end at less than half of its distance: what is light between what is heavy
-takes hundreds. Newton's method solves for them (rows/newton_rows.py): sweeps move points by their masses
-alone, and the stretch of that gained energy; they come behind it for what strands push, and for pairs that are left
-too near. By leapfrog only where there are neither colliders nor strands: what is read behind
-half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
-behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
-steps before (wsim/physics/contact/selfcontact/prolonged.py), by XPBD too, with colliders or without; sdirk3, which solves twice
-a step, is refused by the check.
+and more while a pair would end at less than half of its distance: what is light between what is heavy takes hundreds. Newton's
+method solves for them (rows/newton_rows.py): sweeps move points by their masses alone, and the stretch of that gained energy;
+they come behind it for what strands push, and for pairs that are left too near. By leapfrog only where there are neither
+colliders nor strands: what is read behind half a kick is given half of what pairs push, which has no bound where a collider
+pushes against them. The guarantee is the same behind each solver: it changes displacements before velocities are made of them.
+The implicit midpoint goes on to the end of its steps before (wsim/physics/contact/selfcontact/prolonged.py), by XPBD too, with
+colliders or without; sdirk3, which solves twice a step, is refused by the check.
 """
 
 from __future__ import annotations
@@ -63,8 +62,7 @@ class SelfContactMethod(Method):
         b.status.reserve(SAID, step_clamp.SAID)
         self.fast = fast.SubstepShortening(b.model, b.clock)
         self.strands = b.ports.strands
-        self.alike = not self.strands
-        self.steady = False              # True: x, e and a stay as they are from `find` on until a substep ends
+        self.alike, self.steady = not self.strands, False      # steady: x, e, a stay as in `find` until a substep ends
         self.surfaces = ContactSurfaces(b.model, self.points.constants.w, b.ports.contacts, self.strands)
         self.obstacles = self.surfaces.obstacles
         if self.surfaces.state:                          # what moves one moves the other
@@ -76,7 +74,7 @@ class SelfContactMethod(Method):
         self.guarantee = StepGuarantee(b.model, self.near, b.clock.integrator.beyond)  # far from where normals of before are
         self.total, self.frames, self.repeats, self.run = np.zeros(step_clamp.SAID, np.int64), 0, 0, 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
-        self.often, self.fresh, self.stopped = False, True, False
+        self.often, self.fresh, self.stopped, self.sized = False, True, False, list[Any]()   # sized: with room as the list has
         self.sweeps = SWEEPS if within else BEHIND
         real, module = b.model.real, contact_sweep_module(b.model, turns)
         self.nearer, self.further = rows.near_pair_flag_kernel(real, module), rows.sweep_count_kernel(module)
@@ -117,7 +115,8 @@ class SelfContactMethod(Method):
     def connect_ports(self, others: Methods) -> None:
         self.contact, self.bounce = others.ports.contact, others.ports.restitution
         self.sweeper.meet()
-        self.stages[1].launches = 1 if self.sweeper.fits() else self.stages[1].launches
+        if self.sweeper.fits():
+            next(stage for stage in self.stages if stage.name == "self-contact").launches = 1
         self.steady = self.within and not self.strands and not (self.contact and self.contact.movers)
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.connect_ports(others)
@@ -272,7 +271,8 @@ class SelfContactMethod(Method):
 
     def room(self) -> None:
         """Arrays of others for as many pairs as the list has room for."""
-        self.settle.room()
+        for each in (self.settle, *self.sized):
+            each.room()
 
     def frame_warnings(self, status: FrameStatus) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)

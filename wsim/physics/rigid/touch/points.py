@@ -17,7 +17,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.touch import body_point_solve as stars
-from wsim.kernels.rigid.touch import exchange, groups, rebound
+from wsim.kernels.rigid.touch import exchange, rebound
 from wsim.kernels.rigid.touch import points as touch
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import fill_struct
@@ -59,7 +59,7 @@ class BodyPointContacts(RigidSubsteps):
         if not few:
             self.need(keys=touch.contact_key_kernel, begin=touch.touch_begin_kernel, found=touch.found_contact_kernel,
                       gather=exchange.star_row_kernel, hubs=exchange.star_hub_kernel, tell=exchange.contact_plane_kernel,
-                      bounds=groups.group_bound_kernel, star=stars.star_solve_kernel, take=exchange.point_impulse_kernel)
+                      bounds=touch.group_bound_kernel, star=stars.star_solve_kernel, take=exchange.point_impulse_kernel)
         if self.rises:
             self.need(rise=rebound.star_velocity_kernel, thrown=rebound.bounce_impulse_kernel, hubs=exchange.star_hub_kernel,
                       remember=rebound.impulse_memory_kernel, star=stars.star_solve_kernel, take=exchange.point_impulse_kernel)
@@ -74,7 +74,7 @@ class BodyPointContacts(RigidSubsteps):
         for name, make in factories.items():
             wide = make in (stars.star_solve_kernel, exchange.point_impulse_kernel) and self.lanes > 1
             if name not in self.kernels:
-                self.kernels[name] = (make(self.model.module) if make is groups.group_bound_kernel else
+                self.kernels[name] = (make(self.model.module) if make is touch.group_bound_kernel else
                                       self.make_kernel(make, self.lanes if wide else 0))
 
     def starts(self) -> Any:
@@ -144,8 +144,8 @@ class BodyPointContacts(RigidSubsteps):
             return wp.zeros(length, dtype=dtype, device=device)
         Rows, Hubs = stars.star_structs(self.real)
         self.numbers, slot = zeros(2 * room, int), zeros(2 * room, int)
-        slots = {name: zeros(room, self.real) for name in ("base", "least", "mu", "f", *["soft"] * self.rolling)}
-        slots |= {name: zeros(room, t.vec3) for name in ("n", "r", "slip")}
+        slots = {name: zeros(room, self.real) for name in ("base", "least", "mu", "f")}
+        slots |= {name: zeros(room, t.vec3) for name in ("n", "r", "slip", *["ball", "psi"] * self.rolling)}
         self.rows = fill_struct(Rows, first=zeros(n + 1, int), slot=slot, **slots)
         slots = {name: zeros(room, self.real) for name in ("b", "before", "q")} | {"u": zeros(room, t.vec3)}
         slots |= {"roll": self.roll, "rolled": zeros(n, wp.vec3d)} if self.roll else {}

@@ -20,7 +20,7 @@ class RigidSubsteps:
     """The parts as stages: `begin`, and `end` behind what pushes. rigid: the method, whose `contacts` are made."""
 
     foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.ForeseenBodies`
-    roll: Any = None                                     # table of balls that turn (kernels/position_based/rolling_law.py)
+    roll: Any = None                                     # table of balls that turn (kernels/position_based/rolling/law.py)
 
     def __init__(self, b: Build, rigid, swept: bool = True):
         """swept: False if `sweep` is never called."""

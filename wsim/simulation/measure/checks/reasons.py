@@ -46,7 +46,6 @@ class OpenFrameReasons:
                   if p.pour or scene.things("MaterialSink")][:1]
         found += [f"surface tension of {p.path}" for p in scene.things("Particles")
                   if getattr(p.material, "surface_tension", 0.0)][:1]
-        found += [f"turns of {body.path}" for body in scene.bodies() if body.rolling_friction is not None][:1]
         self.always = found
         self.colliders = scene.colliders if points else []
         self.sizes = {c.path: sum_of_shape_numbers(c.shape) for c in self.colliders}

@@ -161,7 +161,7 @@ def link_star_func(of, rolling: bool = False):
 
 
 @cache
-def star_frame_functions(of, moving: bool):
+def star_frame_functions(of, moving: bool, rolling: bool = False):
     """(open, close): functions of a tree around its stars. open: u and the impulses `given` times those at hand are kept;
     close: V of its bodies, less that which contacts were found with, and u as it was."""
     Found, motion = touch_structs(of)[1], link_motion_func(moving)
@@ -174,6 +174,8 @@ def star_frame_functions(of, moving: bool):
             i = T.t.body[link]
             T.links.J[i] = given * found.total[i]
             T.links.M[i] = given * found.total[n + i]
+            if wp.static(rolling):
+                T.links.M[i] = T.links.M[i] + given * found.rolled[i]
         dofs = tree_dofs(g, T)
         for d in range(dofs[0] + tree_lane(), dofs[1], tree_lanes()):
             T.links.u[d] = T.u[d]
@@ -202,7 +204,8 @@ def tree_star_func(of, moving: bool, rolling: bool = False):
     were found with, and what is left of F. kg: k and g of `star_impulse_func` [s], and 1 where impulses are all of a substep,
     0 where they come on top. u stays as it is."""
     Rows, Found = stars(of)[0], touch_structs(of)[1]
-    solve, motion, (opened, close) = link_star_func(of, rolling), link_motion_func(moving), star_frame_functions(of, moving)
+    solve, motion = link_star_func(of, rolling), link_motion_func(moving)
+    opened, close = star_frame_functions(of, moving, rolling)
 
     @standalone_function
     @wp.func

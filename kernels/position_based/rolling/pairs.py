@@ -1,4 +1,4 @@
-"""Grains that turn, with each other: the iterations of grains.py with the law of rolling_law.py.
+"""Grains that turn, with each other: the iterations of grains.py with the law of law.py.
 
     phi  turn of a grain in the substep times its radius [m]     a = 5/2 w     x = r / R,  1/r = 1/R_i + 1/R_j
     f = |y_i - y_j| / (R_i + R_j)  where a substep begins   s = (u_i - u_j)_t + f n x (phi_i + phi_j)  slide where both touch
@@ -22,7 +22,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.grains import PUSHED, grain_structs
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.rolling_law import SPHERE, roll_type, rolling_law_func
+from wsim.kernels.position_based.rolling.law import SPHERE, roll_type, rolling_law_func
 
 LOCKED = 0.3           # of its weight: a grain that carries more of others does not turn; at 1 heaps creep at 1e-3 m/s
 FREE = 0.1             # from which it turns again; one bound for both has it turn in each other substep

@@ -20,9 +20,8 @@ normal as it does rolling. T is taken out first: a ball that sticks has
 
     q = -((A psi0 + B n x s0) / (A C - B^2))_t - psi0_n / C,      T = -(s0 + B n x q) / A
 
-and where q or T is bounded the other follows from it. So balls at rest need one iteration, not a limit of many. Beside a rigid
-body that moves, T follows from the q of the iteration before, then q from T: so its star has foreseen T
-(kernels/rigid/touch/body_point_solve.py). Another T than foreseen throws a body that is lighter than the ball.
+and where q or T is bounded the other follows from it. So balls at rest need one iteration, not a limit of many. A rigid body
+knows what T and q make of it before they act (bodies.py).
 Friction at the contact's place by velocities: Mueller, Macklin, Chentanez, Jeschke, Kim 2020, section 3.6; here within the
 iterations, so that what rests does not creep.
 """
@@ -48,6 +47,7 @@ def roll_type(real):
         phi: wp.array(dtype=t.vec3)        # in this substep [m]
         q: wp.array(dtype=t.vec3)          # of contacts with colliders, by their slots [m]
         wall: wp.array(dtype=t.vec3)       # turn of the collider in the substep times the ball's radius, by slot [m]
+        swing: wp.array(dtype=t.vec3)      # and how much more a rigid body turns by what its star foresees, by slot [m]
 
     return RollTable
 
@@ -89,29 +89,6 @@ def rolling_law_func(real):
 
 
 @cache
-def rolling_in_turn_func(real):
-    """Function (n, pressed, s0, psi0, kappa, mu, q) -> T, and q behind it, as the rows of a matrix. Of a ball at a wall."""
-    t = types(real)
-
-    @wp.func
-    def solve_friction_then_rolling(n: t.vec3, pressed: real, s0: t.vec3, psi0: t.vec3, kappa: real, mu: t.vec3, q: t.vec3):
-        T = t.vec3()
-        rolled = t.vec3()
-        if pressed > real(0.0):
-            T = -(s0 + kappa * wp.cross(n, q)) / (real(1.0) + kappa)
-            size = wp.length(T)
-            if size > mu[0] * pressed:
-                T *= wp.min(mu[1] * pressed / size, real(1.0))
-            rolled = wp.cross(n, T) - psi0 / kappa
-            size = wp.length(rolled)
-            if size > mu[2] * pressed:
-                rolled *= mu[2] * pressed / size
-        return wp.matrix_from_rows(T, rolled)
-
-    return solve_friction_then_rolling
-
-
-@cache
 def roll_begin_kernel(real, module):
     """Kernel over points: how far a ball turns in a substep of h [s] by what it has."""
     Roll = roll_type(real)
@@ -135,3 +112,24 @@ def roll_end_kernel(real, module):
             roll.spin[i] = roll.phi[i] / (h * roll.own[i][2])
 
     return wp.kernel(end_rolling, name=f"roll_end_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def spin_energy_kernel(real, module):
+    """Kernel over (worlds x threads): rows of the ledger (kernels/math/ledger.py) of the energy 1/5 m R^2 omega^2 of spins [J].
+    w: inverse masses [1/kg]."""
+    Roll = roll_type(real)
+
+    def sum_spin_energy(roll: Roll, w: wp.array(dtype=real), worlds: int, rows: wp.array(dtype=wp.vec4d)):
+        threads = rows.shape[0] // worlds
+        world = wp.tid() // threads
+        each = w.shape[0] // worlds
+        K = wp.float64(0.0)
+        for i in range(world * each + wp.tid() % threads, (world + 1) * each, threads):
+            R = wp.float64(roll.own[i][2])
+            if R > wp.float64(0.0) and w[i] > real(0.0):
+                omega = wp.vec3d(roll.spin[i])
+                K += wp.float64(0.2) * R * R / wp.float64(w[i]) * wp.dot(omega, omega)
+        rows[wp.tid()] = wp.vec4d(K, wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+
+    return wp.kernel(sum_spin_energy, name=f"roll_energy_{types(real).name}", module=module, enable_backward=False)

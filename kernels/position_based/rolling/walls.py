@@ -1,4 +1,4 @@
-"""Contacts of balls that turn with colliders: those of kernels/contact/project.py with the law of rolling_law.py. Pushes are
+"""Contacts of balls that turn with colliders: those of kernels/contact/project.py with the law of law.py. Pushes are
 in metres, as there: A = 1 + a, B = C = a. Points that do not turn are projected as everywhere.
 
 A ball touches a collider at x - R n, and turns about what turns with it: a plate under it that turns about n takes it along.
@@ -14,7 +14,7 @@ import warp as wp
 from wsim.kernels.contact.collider.colliders import first_body_slot
 from wsim.kernels.contact.project import SUNK, TOUCHED, contact_tables, point_projection_func, read_type, slot_type
 from wsim.kernels.math.real import substep_number, types
-from wsim.kernels.position_based.rolling_law import roll_type, rolling_in_turn_func, rolling_law_func
+from wsim.kernels.position_based.rolling.law import roll_type, rolling_law_func
 
 
 @cache
@@ -36,6 +36,7 @@ def roll_wall_kernel(real, module):
                     theta *= wp.atan2(size, turn[3]) / size
                 roll.wall[j] = roll.own[i][2] * theta
                 roll.q[j] = t.vec3()
+                roll.swing[j] = t.vec3()
 
     return wp.kernel(begin_rolling_contacts, name=f"roll_walls_{t.name}", module=module, enable_backward=False)
 
@@ -45,7 +46,7 @@ def rolling_point_func(real):
     """Function (c, points, s, roll, i, g, at: rows d and a, push) -> d of point i after one iteration of its contacts, in
     order; writes pushes, torques, its turn and its mark."""
     t, Roll, Slots, (Rows, Points) = types(real), roll_type(real), slot_type(real), contact_tables(real)
-    plain, law, in_turn = point_projection_func(real), rolling_law_func(real), rolling_in_turn_func(real)
+    plain, law = point_projection_func(real), rolling_law_func(real)
 
     @wp.func
     def project_rolling_point(c: Rows, points: Points, s: Slots, roll: Roll, i: int, g: real,
@@ -67,12 +68,10 @@ def rolling_point_func(real):
             d += (pressed - lam) * n
             away = (d - at[1]) - g * s.u[j]
             s0 = away - wp.dot(n, away) * n + wp.cross(n, phi - kappa * q) - (real(1.0) + kappa) * T
-            psi0 = phi - roll.wall[j] + kappa * (wp.cross(n, T) - q)
+            psi0 = phi - roll.wall[j] - roll.swing[j] + kappa * (wp.cross(n, T) - q)
             rub = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
             mu = t.vec3(rub[0], rub[1], ball[1])
-            new = in_turn(n, pressed, s0, psi0, kappa, mu, q)
-            if c.of.owner[s.row[j]] < 0:
-                new = law(n, pressed, s0, psi0, t.vec3(real(1.0) + kappa, kappa, kappa), mu)
+            new = law(n, pressed, s0, psi0, t.vec3(real(1.0) + kappa, kappa, kappa), mu)
             d += new[0] - T
             phi += kappa * ((new[1] - q) - wp.cross(n, new[0] - T))
             if pressed > real(0.0):
