@@ -81,6 +81,23 @@ def test_rolling_friction_slows_a_ball_and_stops_it_for_good(substeps, iteration
     assert np.abs(simulation.positions() - rest)[:, [0, 2]].max() < 1e-9 and np.abs(spins(simulation, "/ball")).max() < 1e-6
 
 
+@pytest.mark.parametrize(("slope", "rolling"), [(0.3, 0.0), (0.0, 0.08), (0.3, 0.08)])
+def test_the_energy_balance_counts_the_spin_of_a_ball_that_rolls(slope, rolling):
+    """It rolls by 7/10 m v^2, of which 2/7 are in its spin; rolling friction takes mu_r m g cos times its way, and no frame is
+    left open."""
+    simulation = ball_on_plane(slope, rolling=rolling, speed=1.0)
+    simulation.run(15)                                           # it has slid, and rolls
+    balance, m = simulation.plan.method("balance"), 2600 * 4 / 3 * np.pi * 0.01**3
+    before = balance.found()["kinetic"]
+    x, v = simulation.positions()[0, 0], simulation.velocities()[0, 0]
+    assert np.isclose(before, 0.7 * m * v * v, rtol=1e-4)
+    simulation.run(15)
+    way = simulation.positions()[0, 0] - x
+    work = m * G * way * (np.sin(slope) - rolling * np.cos(slope))
+    assert np.isclose(balance.found()["kinetic"] - before, work, rtol=2e-3, atol=1e-4 * before)
+    assert not balance.report()["left_open"] and balance.report()["rise"] < 1e-6
+
+
 @pytest.mark.parametrize(("beyond", "rolls"), [(-0.1, False), (0.1, True)])
 def test_a_ball_stays_on_slopes_up_to_its_rolling_friction(beyond, rolls):
     """A tenth of a degree below atan(mu_r) it stays, above it rolls, by the closed form."""
