@@ -1,4 +1,4 @@
-"""A pile of grains between walls, with a rigid box."""
+"""A pile of grains between walls, with a rigid box; angular velocities of grains that turn."""
 
 import numpy as np
 
@@ -25,3 +25,20 @@ def filled_box(ratio, buried, substeps=32, iterations=4, rolling=None):
     scene.particles("/grains", points=points, radius=R, material=grains)
     scene.body("/box", Box((0.04, 0.04, 0.04)), at=tuple(at), mass=ratio * MASS, static_friction=0.5, dynamic_friction=0.5)
     return scene, at[1]
+
+
+def spin_part(simulation):
+    return next(m for m in simulation.plan.methods if m.name == "grains").rolling.part
+
+
+def spins(simulation, path):
+    """Angular velocities [rad/s], (n, 3)."""
+    part = spin_part(simulation)
+    return part.arrays["spin"].numpy()[part.rows[path, 0]].astype(np.float64)
+
+
+def set_spins(simulation, path, values):
+    part = spin_part(simulation)
+    all = part.arrays["spin"].numpy()
+    all[part.rows[path, 0]] = values
+    part.arrays["spin"].assign(all)

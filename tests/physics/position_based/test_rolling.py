@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.make.physics.piles import set_spins, spins
 from wsim.physics.position_based.objects import Grains
 from wsim.scene import Scene, SceneError
 
@@ -17,23 +18,6 @@ def ball_on_plane(slope=0.0, mu=0.5, rolling=0.0, speed=0.0, radius=0.01, motion
     scene.particles("/ball", points=[[0, radius, 0]], radius=radius, velocities=[[speed, 0, 0]],
                     material=Grains(static_friction=mu, dynamic_friction=mu, rolling_friction=rolling))
     return wsim.Simulation(scene, device="cpu")
-
-
-def spin_part(simulation):
-    return next(m for m in simulation.plan.methods if m.name == "grains").rolling.part
-
-
-def spins(simulation, path):
-    """Angular velocities [rad/s], (n, 3)."""
-    part = spin_part(simulation)
-    return part.arrays["spin"].numpy()[part.rows[path, 0]].astype(np.float64)
-
-
-def set_spins(simulation, path, values):
-    part = spin_part(simulation)
-    all = part.arrays["spin"].numpy()
-    all[part.rows[path, 0]] = values
-    part.arrays["spin"].assign(all)
 
 
 @pytest.mark.parametrize(("substeps", "iterations", "radius"), [(4, 1, 0.01), (8, 4, 0.001), (32, 8, 0.01), (8, 2, 1000.0)])

@@ -5,8 +5,7 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.make.physics.piles import MASS, R, filled_box
-from tests.physics.position_based.test_rolling import set_spins
+from tests.make.physics.piles import MASS, R, filled_box, set_spins
 from wsim import Scene
 from wsim.kernels.position_based.rolling import bodies
 from wsim.kernels.position_based.rolling.law import rolling_law_func

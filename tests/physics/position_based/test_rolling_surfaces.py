@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.physics.position_based.test_rolling import set_spins, spins
+from tests.make.physics.piles import set_spins, spins
 from wsim import Fabric, Scene, shapes
 from wsim.physics.position_based.objects import Grains
 
