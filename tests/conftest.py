@@ -12,7 +12,7 @@ from tests.make.suite import alone, every_shape, hashes
 from tests.make.suite.slow import SLOW
 from wsim.kernels.rigid.lists import collide, collide_mesh
 from wsim.model import kernel_cache
-from wsim.model.compiler import header
+from wsim.model.compiler import core_team, header
 from wsim.model.model import Model
 from wsim.scene import Scene
 
@@ -84,6 +84,8 @@ def compiling(pytestconfig):
         patch.setattr(hashes.ModuleHasher, "hash_adjoint", hashes.hash_adjoint)
         patch.setattr(header, "KEPT", True)
         patch.setattr(kernel_cache, "PROBE", 4096)
+        if os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1") != "1":            # they share the cores
+            patch.setattr(core_team, "MOST", 1)
         patch.setattr(kernel_cache, "_folders_of_module", alone.folders)
         if pytestconfig.option.markexpr == "not slow" and not wp.is_cuda_available():     # one for all is dearer there
             patch.setattr(collide, "pair_manifold_kernel", every_shape.collide_all)

@@ -43,7 +43,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact.collider.colliders import collider_type, first_body_slot
-from wsim.kernels.math.marks import owns_points
+from wsim.kernels.math.marks import kernel_over_cores, owns_points
 from wsim.kernels.math.real import has_adjoint, types
 
 HELD = 1e-3            # of a width: gaps so small are those of the hard contact behind it
@@ -249,8 +249,7 @@ def contact_projection_kernel(real, module):
         if s.count[i] > 0:
             d_out[i] = one(c, points, s, i, g, wp.matrix_from_rows(at.d[i], at.a[i]), at.push, push_out)
 
-    return owns_points(wp.kernel(project_all_contacts, name=f"contact_{types(real).name}", module=module,
-                                 enable_backward=False))
+    return owns_points(kernel_over_cores(project_all_contacts, f"contact_{types(real).name}", module))
 
 
 @cache

@@ -29,7 +29,7 @@ from wsim.kernels.contact import collide
 from wsim.kernels.contact.collider.colliders import collider_frame_funcs, plane_is_far
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, contact_tables, read_type, slot_type
-from wsim.kernels.math.marks import owns_points
+from wsim.kernels.math.marks import kernel_over_cores, owns_points
 from wsim.kernels.math.real import substep_number, types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -297,4 +297,4 @@ def contact_search_kernel(kinds: tuple[str, ...], real, module, broad: bool = Fa
         if struck_out:
             struck_out[i] = real(s.mark[i] & SUNK)
 
-    return owns_points(wp.kernel(search_collider_contacts, name=name, module=module, enable_backward=False))
+    return owns_points(kernel_over_cores(search_collider_contacts, name, module))

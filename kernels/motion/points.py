@@ -23,7 +23,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.marks import writes_all
+from wsim.kernels.math.marks import OVER_CORES, writes_all
 from wsim.kernels.math.real import has_adjoint, substep_number, types
 
 
@@ -66,7 +66,7 @@ def euler_prediction_kernel(real, module):
     """Kernel: anchor and unconstrained displacement of backward Euler."""
     t, Constants = types(real), point_constants(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(name=f"predict_euler_{t.name}{OVER_CORES}", module=module, enable_backward=False)
     def predict_euler(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), g: real,
                       a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -106,7 +106,7 @@ def euler_finish_kernel(real, module):
     """Kernel: velocity, new position and its remainder."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(name=f"finish_euler_{t.name}{OVER_CORES}", module=module, enable_backward=False)
     def finish_euler(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), g: real,
                      x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         i = wp.tid()

@@ -37,9 +37,10 @@ import warp as wp
 
 from wsim.kernels.contact.collider.colliders import collider_type
 from wsim.kernels.contact.collider.table import collider_queries
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.packet_sums import row_sums
+from wsim.kernels.position_based.packets.sums import row_sums
 from wsim.kernels.position_based.pair_sums import LATTICE, REACHED
 
 LEAST_SLOPE = 0.05     # d^2 D_i / w at least: 0.066 of two particles at rest, 0.25 of a lattice
@@ -110,7 +111,7 @@ def fluid_gather_kernel(real, module):
         f.at[k] = t.vec4(y[0] + d[i][0], y[1] + d[i][1], y[2] + d[i][2], lam)
         f.lam[k] = lam
 
-    return wp.kernel(gather_fluid, name=f"fluid_gather_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(gather_fluid, f"fluid_gather_{t.name}", module)
 
 
 @cache
@@ -143,7 +144,7 @@ def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
         for e in range(m, wp.static(WALLS)):
             f.wall[e * f.y.shape[0] + k] = t.vec4(real(0.0), real(0.0), real(0.0), real(1.0e30))
 
-    return wp.kernel(find_fluid_walls, name=f"fluid_walls_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(find_fluid_walls, f"fluid_walls_{'_'.join(kinds)}_{t.name}", module)
 
 
 @cache
@@ -157,7 +158,7 @@ def fluid_motion_kernel(real, module):
         y = f.y[k]
         f.at[k] = t.vec4(y[0] + u[0], y[1] + u[1], y[2] + u[2], real(0.0))
 
-    return wp.kernel(gather_fluid_motion, name=f"fluid_motion_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(gather_fluid_motion, f"fluid_motion_{t.name}", module)
 
 
 @cache
@@ -210,7 +211,7 @@ def fluid_pressure_kernel(lanes: int, real, module):
                 f.push[k] = wall
                 f.tight[k] = wp.where(w > real(0.0), C, real(0.0))
 
-    return wp.kernel(solve_fluid_pressure, name=f"fluid_pressure_{lanes}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(solve_fluid_pressure, f"fluid_pressure_{lanes}_{t.name}", module)
 
 
 @cache
@@ -230,7 +231,7 @@ def fluid_push_kernel(lanes: int, real, module):
                     apart = t.vec3(found[m, 3], found[m, 4], found[m, 5])
                     d_out[i] = d_out[i] - f.w[i] * move + real(PARTED) * apart
 
-    return wp.kernel(push_fluid, name=f"fluid_push_{lanes}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(push_fluid, f"fluid_push_{lanes}_{t.name}", module)
 
 
 @cache
@@ -243,4 +244,4 @@ def fluid_wall_push_kernel(real, module):
         B, wall = walls(f, k, place_of(f.at[k]) - place_of(f.y[k]))
         f.push[k] = wall
 
-    return wp.kernel(start_wall_push, name=f"fluid_wall_push_{types(real).name}", module=module, enable_backward=False)
+    return kernel_over_cores(start_wall_push, f"fluid_wall_push_{types(real).name}", module)

@@ -15,10 +15,11 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.density import fluid_structs, wall_density_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.packet_sums import row_sums
+from wsim.kernels.position_based.packets.sums import row_sums
 
 MOST_LEFT = 0.01       # C of which a part may stay: 0.003 boils, 0.02 leaves deep fluids pressed together
 TOLD = 0.1             # C of which a warning tells
@@ -39,7 +40,7 @@ def fluid_left_kernel(lanes: int, real, module):
                 B, wall = walls(f, k, t.vec3())
                 f.left[k] = f.keep * wp.clamp(found[m, 0] + B - real(1.0), real(0.0), real(MOST_LEFT))
 
-    return wp.kernel(allow_density_error, name=f"fluid_left_{lanes}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(allow_density_error, f"fluid_left_{lanes}_{t.name}", module)
 
 
 @cache
@@ -53,7 +54,7 @@ def fluid_keep_kernel(real, module):
             wp.atomic_max(worst, 0, int(real(1.0e6) * wp.min(f.tight[k], real(1.0e3))))
         f.pressure[c.order[k]] = f.lam[k] / (h * h * f.d * f.d * f.d)
 
-    return wp.kernel(keep_fluid_pressure, name=f"fluid_keep_{types(real).name}", module=module, enable_backward=False)
+    return kernel_over_cores(keep_fluid_pressure, f"fluid_keep_{types(real).name}", module)
 
 
 @cache

@@ -12,10 +12,11 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.density import fluid_structs
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.packet_sums import row_sums
+from wsim.kernels.position_based.packets.sums import row_sums
 
 
 @cache
@@ -32,7 +33,7 @@ def flow_gather_kernel(real, module):
         f.y[k] = t.vec4(y[0], y[1], y[2], flow[p][0])
         f.at[k] = t.vec4(v[i][0], v[i][1], v[i][2], flow[p][1])
 
-    return wp.kernel(gather_fluid_velocity, name=f"flow_gather_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(gather_fluid_velocity, f"flow_gather_{t.name}", module)
 
 
 @cache
@@ -51,4 +52,4 @@ def flow_viscosity_kernel(lanes: int, real, module):
                 if f.w[i] > real(0.0):
                     v_out[i] = v_out[i] + t.vec3(found[m, 0], found[m, 1], found[m, 2])
 
-    return wp.kernel(exchange_fluid_velocity, name=f"flow_viscosity_{lanes}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(exchange_fluid_velocity, f"flow_viscosity_{lanes}_{t.name}", module)

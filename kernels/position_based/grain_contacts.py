@@ -6,13 +6,13 @@ or that which free motion would leave, is small. Contacts stand in the order of 
 so that a run that goes on from a file has the same bits.
 """
 
-# ruff: noqa: UP018
-# int(0) makes a variable of what would be a constant.
+# ruff: noqa: UP018       int(0) makes a variable of what would be a constant
 
 from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import point_constants
 from wsim.kernels.position_based.grains import grain_structs, pair_impulse_func
@@ -82,7 +82,7 @@ def gather_kernel(real, module):
         if wp.length(d[i]) > real(FAR) * rows.reach[p]:
             wp.atomic_add(g.fast, 0, 1)
 
-    return wp.kernel(gather_grains, name=f"grains_gather_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(gather_grains, f"grains_gather_{t.name}", module)
 
 
 @cache
@@ -127,7 +127,7 @@ def overlap_kernel(real, module):
         if deepest > real(TOLD):
             wp.atomic_max(g.deepest, 0, int(real(1.0e6) * deepest))
 
-    return wp.kernel(measure_overlaps, name=f"grains_overlap_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(measure_overlaps, f"grains_overlap_{t.name}", module)
 
 
 @cache
@@ -143,7 +143,7 @@ def stabilize_kernel(real, module):
             x_out[i] = x_out[i] + back
             g.y[k] = g.y[k] + back
 
-    return wp.kernel(move_apart, name=f"grains_apart_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(move_apart, f"grains_apart_{t.name}", module)
 
 
 @cache
@@ -261,7 +261,7 @@ def contact_kernel(real, module):
         d_out[g.point[k]] = d_out[g.point[k]] + g.inverse[k] * given
         g.split[k] = pressed * g.inverse[k]
 
-    return wp.kernel(start_grain_contacts, name=f"grains_contact_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(start_grain_contacts, f"grains_contact_{t.name}", module)
 
 
 @cache
@@ -297,4 +297,4 @@ def force_kernel(deep: bool, real, module):
         if wp.static(deep):
             sum_support(g, q, support_after, v[g.point[k]], k, p, h)
 
-    return wp.kernel(keep_grain_forces, name=f"grains_force{'_deep' * deep}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(keep_grain_forces, f"grains_force{'_deep' * deep}_{t.name}", module)

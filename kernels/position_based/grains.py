@@ -26,6 +26,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 
 PUSHED = 0.5           # of a push by a grain that holds another, that the other takes: see stacks.py
@@ -93,7 +94,7 @@ def motion_kernel(real, module):
         i = g.point[k]
         g.u[k] = d[i] - a[i]
 
-    return wp.kernel(gather_motion, name=f"grains_motion_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(gather_motion, f"grains_motion_{t.name}", module)
 
 
 @cache
@@ -151,4 +152,4 @@ def grain_solve_kernel(real, module):
         i = g.point[k]
         d_out[i] = d_out[i] + w * given
 
-    return wp.kernel(solve_grain_contacts, name=f"grains_solve_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(solve_grain_contacts, f"grains_solve_{t.name}", module)

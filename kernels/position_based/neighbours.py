@@ -26,6 +26,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 
 NOWHERE = 1e30         # [m] y0 of a particle before the first list, and of one that is not there
@@ -119,7 +120,7 @@ def travel_kernel(real, module):
         if not way <= real(0.5) * c.skin:
             c.flag[0] = 1
 
-    return wp.kernel(test_travel, name=f"neighbour_travel_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(test_travel, f"neighbour_travel_{t.name}", module)
 
 
 @cache
@@ -131,7 +132,7 @@ def clear_kernel(real, module):
         if c.flag[0] == 1:
             c.count[wp.tid()] = 0
 
-    return wp.kernel(clear_cells, name=f"neighbour_clear_{types(real).name}", module=module, enable_backward=False)
+    return kernel_over_cores(clear_cells, f"neighbour_clear_{types(real).name}", module)
 
 
 @cache
@@ -168,7 +169,7 @@ def order_kernel(real, module):
             p = wp.tid()
             c.order[c.first[c.place[p]] + c.rank[p]] = p
 
-    return wp.kernel(order_particles, name=f"neighbour_order_{types(real).name}", module=module, enable_backward=False)
+    return kernel_over_cores(order_particles, f"neighbour_order_{types(real).name}", module)
 
 
 @cache
@@ -207,12 +208,13 @@ def place_kernel(real, module):
             c.near[k] = c.y0[p]
             c.reach[k] = rows.reach[p]
 
-    return wp.kernel(place_particles, name=f"neighbour_place_{types(real).name}", module=module, enable_backward=False)
+    return kernel_over_cores(place_particles, f"neighbour_place_{types(real).name}", module)
 
 
 @cache
 def list_kernel(real, module):
-    """Kernel over places: the list of each particle, in the order of cells. Where one is too long, `wanted` says how long."""
+    """Kernel over places: the list of each particle, in the order of cells. Where one is too long, `wanted` says how long.
+    A CPU has another (packets/lists.py)."""
     t, S, number = types(real), neighbour_structs(real), cell_number_func(real)
 
     def list_neighbours(rows: S.ParticleTable, c: S.CellTable, lists: S.PairLists):

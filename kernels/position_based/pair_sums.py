@@ -3,7 +3,7 @@
     V W(r) / S = a q^3,   V W'(r) / S = -(3 a / H) q^2,   q = 1 - r / H,   a = 15 / (8 pi S)          see density.py
 
 A place and a number of a particle stand in one vector of four, so that a neighbour is one read. Sums run in the order of the
-list. A CPU takes eight particles together (packet_sums.py).
+list. A CPU takes eight particles together (packets/sums.py).
 """
 
 from functools import cache

@@ -21,11 +21,12 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.density import fluid_structs, place_of
 from wsim.kernels.position_based.grain_contacts import pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.packet_sums import row_sums
+from wsim.kernels.position_based.packets.sums import row_sums
 from wsim.kernels.position_based.pair_sums import REACHED
 
 COHESION = 0.227       # A, by Laplace pressures
@@ -58,7 +59,7 @@ def tension_normal_kernel(lanes: int, real, module):
             if k < lists.size:
                 f.push[k] = real(REACHED) * f.d * (f.push[k] + t.vec3(found[m, 1], found[m, 2], found[m, 3]))
 
-    return wp.kernel(find_surface_normals, name=f"tension_normals_{lanes}_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(find_surface_normals, f"tension_normals_{lanes}_{t.name}", module)
 
 
 @cache
@@ -83,4 +84,4 @@ def tension_kernel(real, module):
         i = rows.point[p]
         v_out[i] = v_out[i] + (f.w[i] * h * f.d) * force
 
-    return wp.kernel(pull_fluid_together, name=f"tension_{t.name}", module=module, enable_backward=False)
+    return kernel_over_cores(pull_fluid_together, f"tension_{t.name}", module)

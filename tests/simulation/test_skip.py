@@ -71,7 +71,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("simulation.measure", "captures indicators exceeded host log_messages readings checks.lost")
        | room("scene.nodal", "masses separate touching") | room("scene", "integrator methods samples")
        | room("model", "stage ports state status model midnodes launches kernel_cache structs vjp warp_private")
-       | room("model.compiler", "variants source header recorded version")
+       | room("model.compiler", "variants source header recorded version core_sharing core_team")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points divergence_monitor stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")

@@ -45,7 +45,7 @@ class FastPath:
 COPIES = {              # what Warp cannot call: lanes of Clang's vectors, registers that a whole frame stays in
     "kernels/motion/fast_paths/march_cpu.py", "kernels/motion/fast_paths/sheet_march.py", "kernels/soft/packets.py",
     "kernels/solver/sweeps/packets.py", "kernels/motion/fused/sheet.py", "kernels/motion/fused/limits.py",
-    "kernels/motion/fast_paths/cluster.py", "kernels/motion/fused/conjugate.py", "kernels/position_based/packet_sums.py"}
+    "kernels/motion/fast_paths/cluster.py", "kernels/motion/fused/conjugate.py", "kernels/position_based/packets/sums.py"}
 FUSES = "wsim.model.launches:KernelLaunches.fuses"
 INF = float("inf")
 XEON = "two cores of a Xeon"
@@ -80,8 +80,9 @@ ROWS = (
     cpu_fast_path("sweeps by eights", "XPBD of membranes and hinges", "all", ("wsim.physics.solver.batch:PACKED", False),
                   ("kernels/solver/sweeps/packets.py",),
                   "tests/physics/solver/test_sweep_packets.py::test_eight_at_a_time_are_what_one_after_the_other_are", 2.9),
-    cpu_fast_path("fluids by eights", "densities, pushes and viscosity of fluids by constraints", "all",
-                  ("wsim.kernels.position_based.packet_sums:LANES", 1), ("kernels/position_based/packet_sums.py",),
+    cpu_fast_path("fluids by eights", "lists, densities, pushes and viscosity of fluids by constraints", "all",
+                  ("wsim.kernels.position_based.packets:LANES", 1),
+                  ("kernels/position_based/packets/sums.py", "kernels/position_based/packets/lists.py"),
                   "tests/physics/position_based/test_packet_sums.py::test_a_fluid_moves_by_eights_as_one_by_one", 2.9),
     cpu_fast_path("steps of material points by a team", "explicit material points that push nothing", "all",
                   ("wsim.physics.mpm.tile_grid:TEAM", False),

@@ -27,7 +27,7 @@ from typing import Any
 import warp as wp
 
 from wsim.model import warp_private
-from wsim.model.compiler import variants
+from wsim.model.compiler import core_team, variants
 from wsim.model.compiler.version import rewriting_version
 from wsim.scene import Problem, SceneError
 
@@ -162,6 +162,7 @@ def load_kernel_module(module, device, block_dim: int | None = None) -> None:
             _load_from_nothing(module, device, block_dim)
         if known is None or warp_private.loaded_executables(module) != known:
             _record_digests(module.name)
+        core_team.join_executables(module, device)
 
 
 def report_module(model, *what: str) -> str:

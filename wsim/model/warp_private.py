@@ -9,6 +9,7 @@
     Struct, Instance  types of structs and of their values, for the same
     folder_name       folder of a module in the cache: whether it has to be compiled. Without: it is looked up by loading it
     executables       what was loaded of a module: whether it was compiled just now. Without: assumed just compiled
+    symbol_address    where a name of a loaded module is, by which launches are shared among cores. Without: one core
     forget_module     makes Warp compile a module anew. Without: what the cache has is loaded once more
     compile_apart     compiles a module without loading it, for several in parallel. Without: one after the other, when loaded
     source_size       characters that a module calls, by `Adjoint`. Without: modules are compiled in the order of the plan
@@ -55,6 +56,15 @@ def loaded_executables(module: wp.Module) -> dict | None:
     """What was loaded of a module; None: unknown."""
     found = getattr(module, "execs", None)
     return dict(found) if isinstance(found, dict) else None
+
+
+def symbol_address(executable: Any, name: str) -> int:
+    """Address of a name of a module that was loaded for a CPU; 0: it has none, or that is not known."""
+    path, handle = getattr(executable, "binary_path", None), getattr(executable, "handle", None)
+    find = getattr(getattr(getattr(context, "runtime", None), "llvm", None), "wp_lookup", None)
+    if not path or not isinstance(handle, str) or find is None or name.encode() not in Path(path).read_bytes():
+        return 0
+    return int(find(handle.encode(), name.encode()))
 
 
 def forget_module(module: wp.Module) -> None:

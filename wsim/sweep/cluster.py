@@ -21,6 +21,7 @@ from typing import Any
 
 import ray
 
+from wsim.model.compiler.core_team import VARIABLE
 from wsim.scene import Problem, SceneError
 
 Item = tuple[int, Any]
@@ -137,7 +138,8 @@ class RayCluster:
         if count < 1 or count < (self.settings.workers or 0):
             what = f"{gpus} GPUs" if self.gpu else f"{cpus} cores, {self.settings.cores} to a worker"
             raise SceneError(Problem("--workers", f"{self.settings.workers or 1} are asked for, and there are {what}"))
-        threads = {name: str(self.settings.cores) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+        threads = {name: str(self.settings.cores) for name in (VARIABLE, "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS",
+                                                               "MKL_NUM_THREADS")}
         cache = {"WARP_CACHE_PATH": os.environ["WARP_CACHE_PATH"]} if "WARP_CACHE_PATH" in os.environ else {}
         self.maker = ray.remote(RemoteWorker).options(num_cpus=self.settings.cores, num_gpus=1 if self.gpu else 0,
                                                       max_restarts=0, runtime_env={"env_vars": threads | cache})

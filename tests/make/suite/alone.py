@@ -17,7 +17,9 @@ from typing import Any
 import warp as wp
 from warp._src.context import ModuleExec
 
+from wsim.kernels.math.marks import OVER_CORES
 from wsim.model import kernel_cache
+from wsim.model.compiler import core_team
 
 WHOLE: list[bool] = []                # not empty: modules are compiled whole
 MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash and options
@@ -54,6 +56,8 @@ def part(kernel, digest: bytes, options: str, module: wp.Module, device, block_d
         alone.name = f"{kernel.key}_{alone.get_module_hash(block_dim).hex()[:8]}"        # of no other kernel, for LLVM
         mark_differentiated(alone, block_dim)
         MADE[key] = LOAD(alone, device, block_dim)
+        if OVER_CORES in kernel.key:
+            core_team.TEAM.join(MADE[key])
     return MADE[key]
 
 

@@ -8,8 +8,10 @@ import warp as wp
 
 import wsim
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based import packet_sums, pair_sums
-from wsim.kernels.position_based.neighbours import neighbour_structs
+from wsim.kernels.position_based import packets, pair_sums
+from wsim.kernels.position_based.neighbours import list_kernel, neighbour_structs
+from wsim.kernels.position_based.packets import sums as packet_sums
+from wsim.kernels.position_based.packets.lists import cell_list_kernel
 from wsim.model.structs import fill_struct
 from wsim.physics.position_based.objects import ConstraintFluid
 
@@ -84,10 +86,34 @@ def test_sums_are_those_of_the_formulas():
     assert np.allclose(found[alone, 1, :3], pushed.sum(1)[alone], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("real", [wp.float32, wp.float64])
+@pytest.mark.parametrize("material", ["fluid", "grains"])
+def test_lists_by_eights_are_those_of_one_by_one(real, material):
+    """After a fall, with two sizes of grains, and a group of which no two are wanted: entry by entry, in the same order."""
+    scene = wsim.Scene(fps=60, substeps=4, iterations=2)
+    scene.collider("/floor", wsim.Plane())
+    scene.particles("/some", wsim.Box((0.06, 0.06, 0.06)), at=(0, 0.061, 0), radius=D / 2, material=material)
+    if material == "grains":
+        scene.particles("/more", wsim.Box((0.03, 0.03, 0.03)), at=(0, 0.16, 0), radius=D / 5, material=material)
+    simulation = wsim.Simulation(scene, device="cpu", precision="float32" if real is wp.float32 else "float64")
+    simulation.run(3)
+    search = simulation.plan.method("density" if material == "fluid" else "grains").search
+    cells, first, found = search.cells, search.lists, []
+    cells.flag.fill_(1)
+    search.rows.group.assign(np.where(np.arange(search.count) % 3, -1, 7).astype(np.int32))
+    for make in (list_kernel, cell_list_kernel):
+        kernel = make(real, f"test_lists_{real.__name__}")
+        search.make_room(first.room)
+        wp.launch(kernel, search.count, [search.rows, cells, search.lists], device="cpu")
+        found.append((search.lists.count.numpy(), search.lists.other.numpy()))
+    assert found[0][0].sum() > 5 * search.count
+    assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])
+
+
 def test_a_fluid_moves_by_eights_as_one_by_one(monkeypatch):
     """A splash of 216 particles for eight substeps; roundings have not grown yet."""
     def places(lanes):
-        monkeypatch.setattr(packet_sums, "LANES", lanes)
+        monkeypatch.setattr(packets, "LANES", lanes)
         scene = wsim.Scene(fps=60, substeps=4, iterations=3)
         scene.collider("/floor", wsim.Plane())
         scene.particles("/water", wsim.Box((0.06, 0.06, 0.06)), at=(0, 0.061, 0), radius=D / 2,

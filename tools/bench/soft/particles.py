@@ -1,8 +1,10 @@
-"""Heaps of grains, tanks and drops of fluid by constraints; python -m tools.bench.soft.particles heap|tank|drop ...
+"""Heaps of grains, tanks and drops of fluid by constraints; python -m tools.bench.soft.particles heap|tank|basin|drop ...
 
     heap RADIUS_OF_COLUMN FRAMES SUBSTEPS ITERATIONS [ROLLING]    a column twice as high as wide collapses; mu = 0.5, grains of
                                                                   8 mm, which turn where ROLLING says their rolling friction
     tank PARTICLES_ACROSS FRAMES SUBSTEPS ITERATIONS      water at rest between walls of no friction, as deep as wide
+    basin PARTICLES_ACROSS LAYERS SUBSTEPS ITERATIONS     a lattice between such walls, that sloshes: frames 27 to 46, of which
+                                                          the columns are wall time and CPU time (median) and density error
     drop RADIUS_OVER_DISTANCE SURFACE_TENSION SUBSTEPS ITERATIONS     without gravity, particles of 1 cm
 
 Columns: CPU time a frame, greatest speed, greatest overlap, steepest part of the slope; or mean height over that at the start,
@@ -17,6 +19,7 @@ import numpy as np
 
 import wsim
 from wsim.kernels.position_based import density, tension
+from wsim.model.compiler.core_team import count_cores
 from wsim.physics.position_based.objects import ConstraintFluid, Grains
 
 
@@ -49,14 +52,7 @@ def heap(radius: float, frames: int, substeps: int, iterations: int, rolling: fl
 def tank(across: int, frames: int, substeps: int, iterations: int) -> None:
     """Prints a line every second."""
     r, half = 0.01, 0.01 * across
-    scene = wsim.Scene(fps=60, substeps=substeps, iterations=iterations)
-    slip = {"static_friction": 0.0, "dynamic_friction": 0.0}
-    scene.collider("/floor", wsim.Plane(), **slip)
-    for k, n in enumerate(([1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1])):
-        M = np.eye(4)
-        x = np.cross([0, 1, 0], n)
-        M[:3, :3], M[:3, 3] = np.stack([x, np.cross(n, x), n], axis=1), -half * np.array(n)
-        scene.collider(f"/wall_{k}", wsim.Plane(), motion=wsim.Motion.still(M), **slip)
+    scene = walled_scene(half, substeps, iterations)
     scene.particles("/water", wsim.Box((half, half, half)), at=(0, half, 0), radius=r, material="fluid")
     simulation = wsim.Simulation(scene, device="cpu")
     method = next(m for m in simulation.plan.methods if m.name == "density")
@@ -74,6 +70,40 @@ def tank(across: int, frames: int, substeps: int, iterations: int) -> None:
                   f"{slope / 9810:.3f}  density error "
                   f"{found['density_error']:.1e}, most {found['most_density_error']:.1e}", flush=True)
             spent = 0.0
+
+
+def walled_scene(half: float, substeps: int, iterations: int) -> wsim.Scene:
+    """A floor and four walls without friction, `half` from the middle [m]."""
+    scene = wsim.Scene(fps=60, substeps=substeps, iterations=iterations)
+    slip = {"static_friction": 0.0, "dynamic_friction": 0.0}
+    scene.collider("/floor", wsim.Plane(), **slip)
+    for k, n in enumerate(([1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1])):
+        M = np.eye(4)
+        x = np.cross([0, 1, 0], n)
+        M[:3, :3], M[:3, 3] = np.stack([x, np.cross(n, x), n], axis=1), -half * np.array(n)
+        scene.collider(f"/wall_{k}", wsim.Plane(), motion=wsim.Motion.still(M), **slip)
+    return scene
+
+
+def basin(across: int, layers: int, substeps: int, iterations: int) -> None:
+    """Prints a line."""
+    r = 0.005
+    scene = walled_scene(r * across, substeps, iterations)
+    i = np.stack(np.meshgrid(np.arange(across), np.arange(layers), np.arange(across), indexing="ij"), -1).reshape(-1, 3)
+    scene.particles("/water", points=(2 * i + 1) * r - [across * r, 0, across * r], radius=r, material="fluid")
+    simulation = wsim.Simulation(scene, device="cpu")
+    simulation.run(26)
+    rows = []
+    for _ in range(20):
+        wall, start = time.perf_counter(), time.process_time()
+        simulation.step()
+        taken = time.perf_counter() - wall, time.process_time() - start
+        found = simulation.indicators()
+        rows.append([*taken, found["density_error"], found["most_density_error"]])
+    (wall, spent, error, _), most = np.median(rows, axis=0), max(row[3] for row in rows)
+    height = simulation.positions()[:, 1].mean() / (layers * r)
+    print(f"{len(i)} particles, {substeps} x {iterations}, {count_cores()} threads: {1e3 * wall:.1f} ms, CPU {1e3 * spent:.1f} "
+          f"ms, density error {error:.1e}, most {most:.1e}, height {height:.3f}")
 
 
 def drop(size: float, sigma: float, substeps: int, iterations: int) -> None:
@@ -140,5 +170,6 @@ def virial_pressures(method, x: np.ndarray, sigma: float = 0.0) -> np.ndarray:
 if __name__ == "__main__":
     name, *given = sys.argv[1:]
     run, kinds = {"heap": (heap, (float, int, int, int, float)[:len(given)]), "tank": (tank, (int, int, int, int)),
+                  "basin": (basin, (int, int, int, int)),
                   "drop": (drop, (float, float, int, int))}[name]
     run(*(kind(each) for kind, each in zip(kinds, given, strict=True)))

@@ -26,6 +26,7 @@ from collections import defaultdict
 from functools import partial
 
 from wsim.model.compiler import header
+from wsim.model.compiler.core_sharing import share_loops
 
 HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)\{\n", re.M)
 END = "\n}\n"
@@ -74,7 +75,7 @@ def rewrite_functions(text: str) -> str:
             continue
         parts += [text[at:head.start()], _rewrite_function(head, text[head.end():end], structs)]
         at = end
-    text = "".join([*parts, text[at:]])
+    text = share_loops("".join([*parts, text[at:]]), header.INCLUDES)
     return text.replace(header.INCLUDES, header.INCLUDES + ELEMENTS, 1) if "wsim_address(" in text else text
 
 

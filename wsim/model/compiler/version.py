@@ -6,10 +6,10 @@ from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 
-from wsim.model.compiler import header, source, variants
+from wsim.model.compiler import core_sharing, header, source, variants
 from wsim.model.warp_private import PLAIN
 
-MODULES = (header, source, variants)
+MODULES = (core_sharing, header, source, variants)
 
 
 def rewriting_version() -> str:

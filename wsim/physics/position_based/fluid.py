@@ -10,7 +10,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import density as kernels
-from wsim.kernels.position_based import density_errors, flow, packet_sums, tension
+from wsim.kernels.position_based import density_errors, flow, packets, tension
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
@@ -85,7 +85,7 @@ class DensityConstraints(Method):
         if self.tension is not None:
             makers |= {"tension": tension.tension_kernel}
             packed |= {"normals": tension.tension_normal_kernel}
-        self.lanes = 1 if self.launches.cuda else packet_sums.LANES
+        self.lanes = 1 if self.launches.cuda else packets.LANES
         self.kernels: dict[str, Any] = {name: make(real, module) for name, make in makers.items()}
         self.kernels |= {name: make(self.lanes, real, module) for name, make in packed.items()}
         self.packed = {name: -(-self.count // self.lanes) for name in packed}

@@ -10,6 +10,8 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.sort import prefix_sum_kernels
 from wsim.kernels.position_based import neighbours as kernels
+from wsim.kernels.position_based import packets
+from wsim.kernels.position_based.packets.lists import cell_list_kernel
 from wsim.model.model import Model
 from wsim.model.structs import fill_struct
 
@@ -90,7 +92,8 @@ class NeighbourSearch:
         self.make_room(room)
         module = launches.module
         makers = {"travel": kernels.travel_kernel, "clear": kernels.clear_kernel, "count": kernels.count_kernel,
-                  "order": kernels.order_kernel, "place": kernels.place_kernel, "list": kernels.list_kernel,
+                  "order": kernels.order_kernel, "place": kernels.place_kernel,
+                  "list": kernels.list_kernel if launches.cuda or packets.LANES == 1 else cell_list_kernel,
                   **({"settle": kernels.settle_kernel} if launches.cuda else {})}
         self.kernels = {name: make(real, module) for name, make in makers.items()}
         self.sums = prefix_sum_kernels(module)

@@ -18,6 +18,7 @@ import warp as wp
 from wsim.geometry.ordering import level_order
 from wsim.kernels.motion.fast_paths import threads as kernels
 from wsim.model import kernel_cache
+from wsim.model.compiler.core_team import count_cores as count_cores
 from wsim.physics.motion.fast_paths.simd_springs import MOVE, Packets
 
 # Frames of 55 substeps, 2 threads against 1, least times of 300: 1400 springs 1.12, 2200 springs 0.83, 3200 springs 0.80,
@@ -27,11 +28,6 @@ ENOUGH = 4             # threads for which the points stay in the order of the a
 SLACK = 0.75           # most of a part that a tail and the head behind it may take: with 1 every wait is on time at best
 STALLED = 1.0 / 16.0   # long waits a substep from which a frame does not gain by its threads
 LONGEST = 64           # frames until they are tried again, at most
-
-
-def count_cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def spring_threads(springs: int) -> int:

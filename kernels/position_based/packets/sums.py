@@ -13,9 +13,9 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.neighbours import neighbour_structs
+from wsim.kernels.position_based.packets import LANES
 from wsim.kernels.position_based.pair_sums import MOST_RUBBED, NEAREST, REACHED, RUB, SLOPE, WEIGHT, pair_sums
 
-LANES = 8              # particles of a packet
 # Of eight particles from `first` on: `row(a, j)`, columns of four numbers of them; `each(s, work)` calls work for every slot.
 PACKET = """
 #if !defined(__CUDA_ARCH__)

@@ -1,0 +1,3 @@
+"""Eight particles of a CPU together."""
+
+LANES = 8              # particles of a packet; 1: one by one
