@@ -10,6 +10,7 @@ import pytest
 import wsim
 from tests.make.physics.rods.bodies import box
 from tests.physics.rods.rig import AREA, DENSITY, POISSON, RADIUS, SECOND, YOUNG, period, simulated, turning
+from wsim.physics.rods import coupled_newton
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Motion, Scene, SceneError, solids
 from wsim.scene.curve import then
@@ -150,6 +151,15 @@ def test_a_band_bears_a_body_alike_by_each_of_its_points():
     x = weighed(0)
     for first in (27, 26, 9):                          # tied by its first, by its second; its first on the peg
         assert weighed(first) == pytest.approx(x, abs=2e-6)      # copies have 1/1000 of the mass that contacts go by
+
+
+@pytest.mark.slow
+def test_a_block_of_threads_finds_the_same_of_a_band_that_bears_a_body(monkeypatch):
+    found = []
+    for team in (False, True):
+        monkeypatch.setattr(coupled_newton, "TEAM", team)
+        found.append(weighed(26))
+    assert np.abs(found[1] - found[0]).max() < 1e-9
 
 
 def belt(n: int, r: float, far: float) -> np.ndarray:
