@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wsim.physics.contact.selfcontact.method import SelfContactMethod
     from wsim.physics.position_based.rolling import RollingContacts
 
-SWEEPS = 4             # of friction in an iteration: a ball has few pairs, which share its mass evenly
+SWEEPS = 2             # of friction in an iteration: a ball has few pairs, which share its mass evenly
 
 
 class RollingSurfaces:
@@ -41,7 +41,7 @@ class RollingSurfaces:
         touching.sized.append(self)
         names = [stage.name for stage in touching.stages]
         for name, stage in (("near pairs", Stage("rolling pairs", "collide", self.begin, 1, 0, what="no friction yet")),
-                            ("self-contact", Stage("rolling on surfaces", "solve", self.solve, 4 * SWEEPS, 0, "iteration",
+                            ("self-contact", Stage("rolling on surfaces", "solve", self.solve, 1 + 3 * SWEEPS, 0, "iteration",
                                                    f"friction of {len(self.balls)} balls"))):
             stage.frames = MET
             touching.stages.insert(names.index(name) + 1, stage)
@@ -68,8 +68,9 @@ class RollingSurfaces:
         """Sweeps over these pairs."""
         touching, near, launch, table = self.touching, self.near, self.model.launch, self.rolling.table
         data, at, threads = touching.surfaces.data, touching.at(), near.threads
-        for _ in range(SWEEPS):
-            launch(self.weigh, threads, [near.table, self.rows.at, table, threads], [near.sums])
+        launch(self.weigh, threads, [near.table, self.rows.at, table, threads], [near.sums])
+        for k in range(SWEEPS):
             launch(self.rub, threads, [data, at, near.table, self.rows.at, table, threads], [self.turns, near.sums])
-            launch(touching.guarantee.add, len(touching.surfaces.points), [data.point, at.d, 1, near.sums], [at.d])
+            launch(touching.guarantee.add, len(touching.surfaces.points), [data.point, at.d, int(k == SWEEPS - 1), near.sums],
+                   [at.d])
             launch(self.turn, len(self.balls), [self.balls, self.turns], [table])
