@@ -3,9 +3,12 @@ that are given. Then the order in which the device has them: cell by cell, block
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from wsim.geometry.memo import keep_latest_results
 from wsim.physics.mpm.objects import ACROSS, MaterialPoints
 from wsim.physics.particles.lattice import index_block, indices_inside_mesh
 from wsim.physics.particles.pouring import PouredPoints
@@ -16,6 +19,7 @@ SIDE = 4                   # cells along an edge of a block, as kernels/particle
 BLOCK = 16                 # lattice points along an edge of a block that is looked at as a whole
 BLOCKS = 256               # blocks that are looked at together: bounds the memory
 SKIN = 1e-6                # cells: what is nearer to a surface is not within
+BODIES = 12                # whose lattices are kept: 24 MB each for a million particles
 
 
 @dataclass
@@ -66,16 +70,37 @@ def lattice_within(distance: Callable, begin: np.ndarray, end: np.ndarray, edge:
 
 
 def fill_shape(thing: MaterialPoints) -> np.ndarray:
-    """Places of the lattice within a thing's shape, world (n, 3) [m]."""
-    low, high = shape_bounds(thing)
-    edge = thing.cell / ACROSS
-    begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
-    M, shape = thing.motion.at(0.0), thing.shape
-    if not isinstance(shape, Surface):
-        def distance(x: np.ndarray) -> np.ndarray:
-            return shape_row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) + SKIN * thing.cell
-        return (lattice_within(distance, begin, end, edge) + 0.5) * edge
-    inside = indices_inside_mesh(shape, M, begin, end, lambda x: x / edge - 0.5)
+    """Places of the lattice within a thing's shape, world (n, 3) [m]. A scene asks nine times before its first frame, so the
+    latest are kept by content; not of shapes from elsewhere, whose distance may be another by the next call."""
+    shape, (low, high), M = thing.shape, shape_bounds(thing), thing.motion.at(0.0)
+    if isinstance(shape, Surface):
+        return _fill_mesh(thing.cell, low, high, M, shape.points, shape.counts, shape.indices)
+    fill = _fill_solid_once if type(shape).__module__ == Surface.__module__ else _fill_solid
+    return fill(thing.cell, low, high, M, shape)
+
+
+def _lattice_range(cell: float, low: np.ndarray, high: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Edge of the lattice [m], and its indices from, and to, which a box reaches."""
+    edge = cell / ACROSS
+    return edge, np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
+
+
+def _fill_solid(cell: float, low: np.ndarray, high: np.ndarray, M: np.ndarray, shape: Any) -> np.ndarray:
+    edge, begin, end = _lattice_range(cell, low, high)
+
+    def distance(x: np.ndarray) -> np.ndarray:
+        return shape_row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) + SKIN * cell
+    return (lattice_within(distance, begin, end, edge) + 0.5) * edge
+
+
+_fill_solid_once = keep_latest_results(_fill_solid, BODIES)
+
+
+@partial(keep_latest_results, most=BODIES)
+def _fill_mesh(cell: float, low: np.ndarray, high: np.ndarray, M: np.ndarray, points: np.ndarray, counts: np.ndarray,
+               indices: np.ndarray) -> np.ndarray:
+    edge, begin, end = _lattice_range(cell, low, high)
+    inside = indices_inside_mesh(Surface(points, counts, indices), M, begin, end, lambda x: x / edge - 0.5)
     return (index_block(begin, end)[inside] + 0.5) * edge
 
 

@@ -140,7 +140,7 @@ def test_nodes_gather_what_particles_add(monkeypatch):
 def test_a_grid_grows_where_matter_spreads():
     """Points that fly apart need more blocks than there is room for: the frame is repeated, and none is lost."""
     scene = on_floor((0, -5, 0))
-    x = np.random.default_rng(0).uniform(-0.1, 0.1, (2000, 3))
+    x = np.random.default_rng(0).uniform(-0.1, 0.1, (400, 3))
     scene.mpm("/a", points=x, volumes=1e-6, cell=0.02, velocity=400 * x, material=Granular(young=10.0))
     add_specks(scene, 0.02)
     simulation = wsim.Simulation(scene, device="cpu")
@@ -284,3 +284,20 @@ def test_a_value_that_a_material_does_not_have_is_refused_while_it_runs():
     simulation = wsim.Simulation(scene, device="cpu")
     with pytest.raises(wsim.SceneError, match="/speck0: has no live parameter 'cohesion': Jelly has none; there are"):
         simulation.set("/speck0", "cohesion", 1.0)
+
+
+def test_a_lattice_that_was_kept_is_that_of_what_the_shape_is_now():
+    """Corners of a mesh that move in place, a size, a place and a cell; and who gets places may change them."""
+    from wsim.physics.mpm.objects import MaterialPoints
+    from wsim.physics.mpm.seeding import fill_shape
+
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32) * np.float32(0.1)
+    mesh = wsim.Surface(corners.copy(), [4] * 6, [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3])
+    for k, (size, at, cell) in enumerate(((1.0, 0.0, 0.05), (2.0, 0.0, 0.05), (2.0, 0.1, 0.05), (2.0, 0.1, 0.1))):
+        mesh.points[:] = corners * np.float32(size * (1.0 - 1e-5))
+        for shape in (mesh, wsim.Box((0.1 * size,) * 3)):
+            for _ in range(2):
+                x = fill_shape(MaterialPoints("/a", shape, cell=cell, motion=wsim.Motion.at_place((at, 0, 0))))
+                assert len(x) == round(0.4 * size / cell) ** 3, (k, shape)
+                assert np.abs(x - [at, 0, 0]).max() == pytest.approx(0.1 * size - 0.25 * cell)
+                x += 1.0
