@@ -56,10 +56,14 @@ def hash_adjoint(hasher, adj) -> bytes:
     known = getattr(adj, "kept_hash", None)
     if known is not None and holds(hasher, adj, known):
         return known[3]
-    names, around = meanings(adj), set(hasher.functions_in_progress)
-    digest = HASH(hasher, adj)
+    names, around, references = meanings(adj), set(hasher.functions_in_progress), adj.get_references()
+    adj.get_references = lambda: references        # Warp asks once more
+    try:
+        digest = HASH(hasher, adj)
+    finally:
+        adj.__dict__.pop("get_references", None)
     statics = [*adj.resolved_static_expressions.values(), *(value for _, value in adj.deferred_static_expressions)]
-    called = [] if names is None else [*adj.get_references()[2], *(each for each in statics if isinstance(each, Function))]
+    called = [] if names is None else [*references[2], *(each for each in statics if isinstance(each, Function))]
     if names is not None and around.isdisjoint(called):
         adj.kept_hash = names, state(adj), [(f, hash_of(hasher, f)) for f in called], digest
     return digest
