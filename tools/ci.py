@@ -3,7 +3,8 @@
 The first command, which installs and runs a scene, has an empty kernel cache, as a newcomer has. The tests keep theirs from run
 to run (keys are hashes of what is compiled): in WSIM_CI_KERNELS, or in ~/.cache/wsim-ci; an empty value keeps nothing. One
 that has grown beyond LARGE is emptied first. mypy keeps there what it knows of each file, by hashes too. Python keeps bytecode
-in the copy, whatever the environment says: without, every process of the tests would read all sources anew.
+in the copy, whatever the environment says: without, every process of the tests would read all sources anew. pip leaves it to
+Python to compile what is imported: half of pip's time was to compile all of Warp, NumPy and USD.
 
 Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run. Steps
 of one process run beside each other (CHECKS): lint while the extras are installed, types while those tests run.
@@ -177,7 +178,7 @@ def main() -> int:
         before = untracked(folder)
         strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
         environment = {k: v for k, v in os.environ.items() if k not in strange}
-        environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
+        environment |= {"WARP_CACHE_PATH": str(Path(place, "kernels")), "PIP_COMPILE": "0"}
         steps = dict.fromkeys(commands(), ()) | CHECKS | dict.fromkeys(further(), ())
         for number, (command, meanwhile) in enumerate(steps.items()):
             if number == 1 and (cache := kept()):
