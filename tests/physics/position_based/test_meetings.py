@@ -202,7 +202,7 @@ def test_a_pile_lies_on_a_cloth_by_newtons_method(ratio):
     scene.particles("/p", points=2.05 * R * (k - [1, 0, 1]) + [0.003, R + 0.002, 0.002], radius=R,
                     material=Grains(density=density))
     simulation = wsim.Simulation(scene, device="cpu")
-    simulation.run(40)
+    simulation.run(20)
     corners = simulation.positions("/cloth").astype(float)[triangulate_polygons(points, counts, indices)[0]]
     assert 0.98 < distance_to_triangles(simulation.positions("/p").astype(float), corners) / (R + 1e-3) < 1.05
 

@@ -34,12 +34,12 @@ def chart(soft: bool = False, integrator: str = "backward_euler"):
     scene.solver, scene.integrator, scene.substeps, scene.iterations = "xpbd", integrator, 24, 2
     for pin in scene.pins if soft else ():
         pin.stiffness, pin.damping = 500.0, 0.5
-    return scene, 5
+    return scene, 3
 
 
 def crumpled(solver: str):
     """A sheet that meets itself, with lists that grow."""
-    return crumple(2, 12, 8.0, **SOLVERS[solver]), 5
+    return crumple(2, 12, 8.0, **SOLVERS[solver]), 4
 
 
 LOOPED = {"mesh colliders": rollers, "deforming mesh": cape, "pins": chart, "soft pins": lambda: chart(True),

@@ -17,7 +17,7 @@ def test_the_chain_carries_its_weight_and_gears_turn_at_their_ratio():
     scene = load(SCENES / "chain.usda")
     assert len(scene.things("Body")) == 13 and not scene.notes and not check_scene(scene)
     sim = Simulation(scene, device="cpu")
-    sim.run(16)
+    sim.run(12)
     links = [sim.poses(body.path)[body.path][:3, 3] for body in scene.things("Body")]
     x = np.array([scene.colliders[0].motion.at(0.0)[:3, 3], *links])
     assert np.linalg.norm(np.diff(x, axis=0), axis=1).max() < 0.151 and x[-1, 1] < -1.5
@@ -28,10 +28,10 @@ def test_the_chain_carries_its_weight_and_gears_turn_at_their_ratio():
     def angles() -> np.ndarray:
         return np.array([np.arctan2(M[1, 0], M[0, 0]) for M in (sim.poses(b.path)[b.path] for b in gears.things("Body"))])
     turned, last = np.zeros(3), angles()
-    for _ in range(40):
+    for _ in range(24):
         sim.step()
         turned, last = turned + np.mod(angles() - last + np.pi, 2.0 * np.pi) - np.pi, angles()
-    assert turned[0] > 2.0 and turned * [1.0, -20.0 / 12.0, 1.0] == pytest.approx([turned[0]] * 3, abs=0.04)
+    assert turned[0] > 1.5 and turned * [1.0, -20.0 / 12.0, 1.0] == pytest.approx([turned[0]] * 3, abs=0.04)
 
 
 def test_the_arm_stacks_a_box_and_follows_its_angles():

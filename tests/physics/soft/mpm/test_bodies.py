@@ -115,19 +115,19 @@ def mean_force(simulation, frames):
 
 
 def test_a_ball_that_rests_on_jelly_presses_with_its_weight():
-    scene = bed(Jelly(2e5, viscosity=20.0))
-    scene.body("/ball", wsim.Sphere(0.1), at=(0, 0.303, 0), density=1000.0)
+    scene = bed(Jelly(2e5, viscosity=20.0), depth=0.05)
+    scene.body("/ball", wsim.Sphere(0.1), at=(0, 0.203, 0), density=1000.0)
     simulation = wsim.Simulation(scene, device="cpu")
-    simulation.run(60)
+    simulation.run(50)
     weight = 1000.0 * 4 / 3 * np.pi * 0.1**3 * 9.81
     assert np.abs(mean_force(simulation, 10) / weight - [0, 1, 0]).max() < 2e-3
 
 
-@pytest.mark.parametrize("ratio", [0.01, 8.0])
-def test_light_and_heavy_balls_rest_on_sand(ratio):
+@pytest.mark.parametrize(("ratio", "depth"), [(0.01, 0.05), (8.0, 0.1)])
+def test_light_and_heavy_balls_rest_on_sand(ratio, depth):
     """Added mass: the ball has 1/100 of the sand's density, or sinks in."""
-    scene = bed(Granular(friction_angle=0.6))
-    scene.body("/ball", wsim.Sphere(0.1), at=(0, 0.303, 0), density=1600.0 * ratio)
+    scene = bed(Granular(friction_angle=0.6), depth=depth)
+    scene.body("/ball", wsim.Sphere(0.1), at=(0, 2.0 * depth + 0.103, 0), density=1600.0 * ratio)
     simulation = wsim.Simulation(scene, device="cpu")
     simulation.run(40)
     weight = 1600.0 * ratio * 4 / 3 * np.pi * 0.1**3 * 9.81
