@@ -95,6 +95,7 @@ SCENES: dict[str, Any] = {
     "tets by eights": lambda: example("bear", substeps=80, **EXPLICIT),
     "sweeps by eights": lambda: sheet(32, substeps=40, iterations=1, **SWEPT),
     "fluids by eights": lambda: splash(20),
+    "launches by several cores": lambda: splash(20),
     "tree of colliders": lambda: strewn(100),
     "frames without contacts": lambda: far(example("hanging_cloth", substeps=1200, **EXPLICIT)),
     "direct pressure": lambda: smoke(32),

@@ -47,6 +47,7 @@ class CoreTeam:
         for word, time_ns in code.TIMES.items():
             self.desk[word] = time_ns
         self.helpers: list[threading.Thread] = []
+        self.forked = False                    # this process is a copy of the one that made the helpers
         self.held: Any = None
         self.work: Callable[[int], None] | None = None
         self.pipe = -1, -1
@@ -67,11 +68,15 @@ class CoreTeam:
 
     def use(self, count: int) -> None:
         """Launches have so many threads from now on, as far as there is a module with work for them."""
-        count = max(1, min(count, MOST)) if self.work else 1
+        count = max(1, min(count, MOST)) if self.work and not self.forked else 1
         while len(self.helpers) < count - 1:
-            self.helpers.append(threading.Thread(target=self._help, name=f"wsim core {len(self.helpers) + 1}", daemon=True))
-            self.helpers[-1].start()
-        self.desk[code.CORES] = count
+            helper = threading.Thread(target=self._help, name=f"wsim core {len(self.helpers) + 1}", daemon=True)
+            try:
+                helper.start()
+            except RuntimeError:                                        # the system has no room for more threads
+                break
+            self.helpers.append(helper)
+        self.desk[code.CORES] = min(count, len(self.helpers) + 1)
 
     def leave(self) -> None:
         """Sends helpers away, before their code is gone."""
@@ -83,7 +88,7 @@ class CoreTeam:
 
     def forget(self) -> None:
         """In a process that was forked: its launches run alone."""
-        self.desk[code.CORES], self.helpers = 1, []
+        self.desk[code.CORES], self.helpers, self.forked = 1, [], True
 
     def _find_tools(self) -> bool:
         """Functions of the C library; False: it has other ones."""
