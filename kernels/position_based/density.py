@@ -7,7 +7,7 @@
 
     C_i = (sum_j V W_ij + sum_walls B(s)) / S - 1 <= 0                 S: the same sum where d is the lattice's, 1.236
     D_i = w |sum_j G_ij + G_wall|^2 + w sum_j |G_ij|^2                 all particles have one inverse mass w, but those held: 0
-    lam_i' = max(lam_i + omega C_i / D_i, 0)
+    lam_i' = max(lam_i + b_n dlam_i + a_n (C_i - E_i) / D_i, 0)        n: of the iteration         E  C where a substep begins
     d_i -= w_i (sum_j (dlam_i + dlam_j) G_ij + dlam_i G_wall)          dlam = lam' - lam
 
 This kernel has nearly the same sum on each lattice (cubic, face-centred, body-centred: 1.2359, 1.2336, 1.2357), so that a
@@ -19,11 +19,19 @@ A wall stands for layers of particles at s + d/2 and s + 3d/2 behind it, each sp
     B(s) = sum_k 1.5 d/H (1 - q)^4 (1 + 4 q),   q = (s + (k + 1/2) d) / H,        B' = sum_k -30 d/H^2 q (1 - q)^3
 
 In a corner layers would count twice: walls together have the part 1 - product of (1 - B / S).
-All particles are corrected at once (Jacobi), omega below 1; they converge over substeps, since pressures last. Of an error that
-is there as a substep begins a part may stay (density_errors.py). Pairs nearer than NEAREST d part; in one place, as their order
-says.
-Where few iterations meet a deep column, pressures would grow without end. So D_i, the change of lam in an iteration and what of
-lam lasts have bounds, the same for both particles of a pair: the fluid is pressed together instead.
+All particles are corrected at once, with the weights a_n, b_n of Chebyshev polynomials of the fourth kind (Lottes 2022) for
+eigenvalues of J W J^T / D up to MOST_EIGENVALUE. They converge over substeps, since lam lasts. Pairs nearer than NEAREST d
+part; in one place, as their order says.
+
+Iterations keep densities as they are where a substep begins. The last one adds CORRECTED E_i / D_i, which moves particles but
+does not last. If lam lasted with it, it would integrate an error twice behind the velocity: let iterations take the part a of
+a mode; then z^3 = (1 - a) (z^3 - (z - 1)^3) for its change z in a substep, and |z| > 1 where a < 1/2. So each fluid deeper than
+its iterations reach would boil. With E_i the modes have |z|^2 = 1 - a, about, and errors of volume decay, for all a and depths.
+A fluid that is thinner than at rest, by up to half of MOST_THIN, keeps E_i < 0 where lam lasts: both signs decay alike.
+
+Pressure that lasts pushes in the places where a substep begins. It is a stiff spring as pairs turn, and bursts where it moves
+neighbours by a large part of d. So what lasts has a bound, MOST_KEPT: there iterations take all of the error (E_i = 0). D_i and
+the change of lam in an iteration have bounds too.
 Self-terms and the kernel's slope dilute both: with K = -sum_j r.G_ij / 3 = 0.76 the error of the volume is C / K, and the
 pressure K lam / (g^2 V), its virial.
 """
@@ -46,8 +54,15 @@ from wsim.kernels.position_based.pair_sums import LATTICE, REACHED
 LEAST_SLOPE = 0.05     # d^2 D_i / w at least: 0.066 of two particles at rest, 0.25 of a lattice
 MOST_KEPT = 0.3        # w lam / d^2 that lasts at most: such a pressure moves a neighbour at rest by 0.05 d in a substep
 MOST_CHANGE = 1.0      # the same of its change in an iteration
+MOST_EIGENVALUE = 3.0  # of J W J^T / D: 2.45 of the cubic lattice
+CORRECTED = 0.25       # of E / D, a substep: at 0.5 two iterations boil, as |z| = 1.12 says
 PARTED = 0.01          # of what pairs nearer than NEAREST d lack, an iteration
 WALLS = 3              # of a particle at most, the nearest ones: a corner has three
+
+
+def iteration_weights(i: int) -> tuple[float, float]:
+    """(a_n, b_n) of iteration i = n - 1."""
+    return (8 * i + 4) / (2 * i + 3) / MOST_EIGENVALUE, max(2 * i - 1, 0) / (2 * i + 3)
 
 
 @cache
@@ -58,17 +73,17 @@ def fluid_structs(real) -> SimpleNamespace:
     @wp.struct
     class FluidTable:
         d: t.scalar                        # distance at rest [m]
-        omega: t.scalar                    # relaxation [1]
         w: wp.array(dtype=t.scalar)        # inverse mass of points of the state
         y: wp.array(dtype=t.vec4)          # by k [m]; fourth: see flow.py
-        at: wp.array(dtype=t.vec4)         # y + u, by k [m]; fourth: change of lam in an iteration
+        at: wp.array(dtype=t.vec4)         # y + u, by k [m]; fourth: change of lam in the iteration before
         lam: wp.array(dtype=t.scalar)      # by k [J s^2]
         wall: wp.array(dtype=t.vec4)       # normal, and s of y; entry e of place k at e * count + k; s >= H: none
+        rate: wp.array(dtype=t.vec3)       # velocity of each of these walls [m/s]
         push: wp.array(dtype=t.vec3)       # G_wall, by k [1/m]
         pressure: wp.array(dtype=t.scalar) # by p [Pa], what lasts
         tight: wp.array(dtype=t.scalar)    # C, by k
-        left: wp.array(dtype=t.scalar)     # of C, that a substep may leave, by k
-        keep: t.scalar                     # part of an error at the start that a substep leaves [1]
+        start: wp.array(dtype=t.scalar)    # E, by k
+        lasting: wp.array(dtype=t.scalar)  # what of lam lasts, by k [J s^2]
 
     return SimpleNamespace(FluidTable=FluidTable)
 
@@ -141,6 +156,7 @@ def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
                     m += 1
                 if at < wp.static(WALLS):
                     f.wall[at * f.y.shape[0] + k] = t.vec4(n[0], n[1], n[2], s)
+                    f.rate[at * f.y.shape[0] + k] = ask.rate(colliders, c, place, time)
         for e in range(m, wp.static(WALLS)):
             f.wall[e * f.y.shape[0] + k] = t.vec4(real(0.0), real(0.0), real(0.0), real(1.0e30))
 
@@ -149,14 +165,20 @@ def fluid_wall_kernel(kinds: tuple[str, ...], real, module):
 
 @cache
 def fluid_motion_kernel(real, module):
-    """Kernel over places: y + u in the order of cells, before an iteration."""
+    """Kernel over places: y + u in the order of cells, before an iteration; before the first one where walls leave it, which
+    contacts have not moved yet."""
     t, N, S = types(real), neighbour_structs(real), fluid_structs(real)
 
-    def gather_fluid_motion(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, d: wp.array(dtype=t.vec3)):
+    def gather_fluid_motion(rows: N.ParticleTable, c: N.CellTable, f: S.FluidTable, first: int, d: wp.array(dtype=t.vec3)):
         k = wp.tid()
         u = d[rows.point[c.order[k]]]
         y = f.y[k]
-        f.at[k] = t.vec4(y[0] + u[0], y[1] + u[1], y[2] + u[2], real(0.0))
+        if first != 0:
+            for e in range(wp.static(WALLS)):
+                row = f.wall[e * f.y.shape[0] + k]
+                n = t.vec3(row[0], row[1], row[2])
+                u = u + wp.max(wp.min(row[3], real(0.5) * f.d) - row[3] - wp.dot(n, u), real(0.0)) * n
+        f.at[k] = t.vec4(y[0] + u[0], y[1] + u[1], y[2] + u[2], f.at[k][3])
 
     return kernel_over_cores(gather_fluid_motion, f"fluid_motion_{t.name}", module)
 
@@ -186,11 +208,12 @@ def wall_density_func(real):
 
 @cache
 def fluid_pressure_kernel(lanes: int, real, module):
-    """Kernel over `lanes` places each: one iteration of the multipliers."""
+    """Kernel over `lanes` places each: one iteration of the multipliers, with a_n, b_n and what it corrects of E."""
     t, N, S, walls = types(real), neighbour_structs(real), fluid_structs(real), wall_density_func(real)
     sums = row_sums(lanes, real)
 
-    def solve_fluid_pressure(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable):
+    def solve_fluid_pressure(rows: N.ParticleTable, c: N.CellTable, lists: N.PairLists, f: S.FluidTable, speed: real,
+                             momentum: real, corrected: real):
         first = wp.static(lanes) * wp.tid()
         found = sums.density(f.at, lists, first, f.d)
         for m in range(wp.static(lanes)):
@@ -205,7 +228,10 @@ def fluid_pressure_kernel(lanes: int, real, module):
                 new = real(0.0)
                 if w > real(0.0):
                     most = real(MOST_CHANGE) * f.d * f.d / w
-                    new = wp.max(lam + wp.clamp(f.omega * (C - f.left[k]) / D, -most, most), real(0.0))
+                    E = f.start[k]
+                    lasting = lam + wp.clamp(momentum * f.at[k][3] + speed * (C - E) / D, -most, most)
+                    new = wp.max(lasting + wp.clamp(corrected * E / D, -most, most), real(0.0))
+                    f.lasting[k] = wp.max(lasting, real(0.0))
                 f.lam[k] = new
                 f.at[k][3] = new - lam
                 f.push[k] = wall

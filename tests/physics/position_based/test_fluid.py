@@ -88,11 +88,12 @@ def test_pressure_is_hydrostatic_and_the_volume_stays():
     assert not any("pressed together" in warning for warning in simulation.warnings)
 
 
-@pytest.mark.parametrize("substeps, iterations, said", [(2, 4, None), (4, 1, "pressed together")])
-def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(substeps, iterations, said):
+@pytest.mark.parametrize("substeps, iterations, most, said", [(2, 4, 0.03, None), (4, 1, 0.02, None),
+                                                               (2, 1, 0.15, "pressed together")])
+def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(substeps, iterations, most, said):
     """Eight layers of 1 cm. No particle is ever faster than one that falls from the surface to the floor; before, speeds went
-    beyond 1e9 m/s. Density errors tell what few iterations leave: no theory says how much, 0.024 and 0.021 were measured. The
-    first tank is nowhere 10 % too dense (0.08 at most), so that nothing is warned of; the second is, by 15 %."""
+    beyond 1e9 m/s. Density errors tell what few iterations leave: no theory says how much, 0.019, 0.008 and 0.09 were measured.
+    The first two tanks are nowhere 10 % too dense, so that nothing is warned of; the third is, by 37 %."""
     simulation = tank(half=0.08, high=0.08, radius=0.005, substeps=substeps, iterations=iterations)
     fastest, densest = 0.0, 0.0
     for _ in range(24):
@@ -103,24 +104,66 @@ def test_a_deep_tank_with_few_iterations_is_pressed_together_and_never_thrown(su
     assert fastest < np.sqrt(2.0 * G * 0.08)
     assert (densest > density_errors.TOLD) == (said is not None)
     assert np.abs(x[:, [0, 2]]).max() < 0.08 and x[:, 1].min() > 0.0 and x[:, 1].max() < 0.1
-    assert 0.02 < method(simulation).indicators(None, None)["density_error"] < 0.2
+    assert method(simulation).indicators(None, None)["density_error"] < most
     assert any(said in warning for warning in simulation.warnings) if said else not simulation.warnings
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 4, 8])
+def test_modes_of_pressure_decay_however_few_iterations_reach_them(iterations):
+    """Of a mode with the eigenvalue m of J W J^T / D: y, what lasts of A lam; v and C, the change and the error of density.
+
+        y' = y + a (v - y),   v' = v - y' - CORRECTED m C,   C' = C + v',   1 - a: what iterations leave of a residual
+
+    Up to the eigenvalue of a lattice no mode grows. Were lam to last with all of it, each with a < 1/2 would, and deep ones are
+    such."""
+    def growth(m, lasts):
+        lam = change = 0.0
+        for i in range(iterations):
+            speed, momentum = density.iteration_weights(i)
+            change = momentum * change + speed * (1.0 - m * lam)
+            lam += change
+        a, b = m * lam, density.CORRECTED * m
+        if lasts:                                                           # v - y + C for v - y, b = 0
+            step = [[1 - a, a, a], [a - 1, 1 - a, -a], [a - 1, 1 - a, 1 - a]]
+        else:
+            step = [[1 - a, a, 0], [a - 1, 1 - a, -b], [a - 1, 1 - a, 1 - b]]
+        return np.abs(np.linalg.eigvals(step)).max(), a
+    for m in np.concatenate([np.logspace(-5, -1, 40), np.linspace(0.1, 2.45, 40)]):
+        assert growth(m, False)[0] < 1.0
+        worst, a = growth(m, True)
+        assert worst > 1.0 or a > 0.5
+
+
+@pytest.mark.parametrize("substeps, iterations", [(8, 4), (16, 2)])
+def test_a_deep_column_comes_to_rest(substeps, iterations):
+    """Thirty layers without pressures at the start. Before, 8 x 4 swayed at 0.1 m/s without end, and gained energy."""
+    simulation = tank(half=0.04, high=0.6, substeps=substeps, iterations=iterations)
+    simulation.run(90)
+    speeds = []
+    for _ in range(10):
+        simulation.step()
+        speeds.append(np.sqrt((simulation.velocities() ** 2).sum(axis=1).mean()))
+    x = simulation.positions()
+    inner = (x[:, 1] > 0.04) & (x[:, 1] < 0.5) & (np.abs(x[:, [0, 2]]) < 0.02).all(axis=1)
+    slope = -np.polyfit(x[inner, 1], virial_pressure(simulation)[inner], 1)[0]
+    assert np.mean(speeds) < 0.02
+    assert abs(slope / (1000 * G) - 1.0) < 0.05
 
 
 @pytest.mark.parametrize("substeps", [8, 16])
 def test_a_pressed_fluid_is_a_spring_and_gains_no_energy(substeps):
-    """A tank of 12 layers that is let go sinks and rises. Kinetic and potential energy rise by 0.0166 and 0.0026 J; with what
-    density errors hold, U = 1/2 sum V p C, they fall, but for a tenth of that. No warning tells of a gain."""
+    """A tank of 12 layers that is let go sinks and rises. Kinetic and potential energy never exceed what they were before with
+    what was stored then, U = sum V p C, the work of pressures as errors go. Alone they rise by up to 0.006 J."""
     simulation = tank(half=0.08, high=0.24, substeps=substeps)
-    m, V, energies = 1000.0 * (2 * R) ** 3, (2 * R) ** 3, []
+    m, V, moving, stored = 1000.0 * (2 * R) ** 3, (2 * R) ** 3, [], []
     for _ in range(16):
         simulation.step()
         of, x, v = method(simulation), simulation.positions().astype(float), simulation.velocities().astype(float)
         held = np.maximum(of.table.tight.numpy(), 0.0) * of.part.arrays["p"].numpy()[of.search.cells.order.numpy()]
-        moving = m * (G * x[:, 1].sum() + 0.5 * (v**2).sum())
-        energies.append((moving, moving + 0.5 * V * held.sum()))
-    without, rise = (np.array(energies) - np.minimum.accumulate(energies)).max(axis=0)
-    assert without > 10.0 * rise and not simulation.warnings
+        moving.append(m * (G * x[:, 1].sum() + 0.5 * (v**2).sum()))
+        stored.append(V * held.sum())
+    least = np.minimum.accumulate(np.array(moving) + stored)
+    assert (np.array(moving)[1:] <= least[:-1]).all() and not simulation.warnings
 
 
 def test_forty_layers_keep_their_volume_by_two_iterations():
@@ -206,6 +249,33 @@ def test_viscosity_evens_out_shear_as_fast_as_diffusion_does():
     inner = (np.abs(k3[:, 1] - 11.5) < 6.5) & (np.abs(k3[:, [0, 2]] - 5.5) < 3).all(axis=1)
     now = simulation.velocities()[inner, 0] @ v[inner, 0] / (v[inner, 0] @ v[inner, 0])
     assert abs(np.log(now) / (-nu * wave**2 * 8 / 240) - 1) < 0.01
+
+
+def test_viscous_fluids_stick_to_walls():
+    """A block of 8 layers begins to flow between two plates, driven by a body force: the transient of Poiseuille's flow,
+
+        u = 4 U (s (1 - s) - sum over odd n of 8 / (pi n)^3 sin(n pi s) exp(-(n pi)^2 nu t / H^2)),   U = f H^2 / (8 nu)
+
+    Ghosts of layers leave an error of d^2 / H^2, and the ends of the block are free. Without friction it slid as a whole."""
+    high, nu, force, n = 0.08, 0.08**2 / 3.0, 0.03, 8
+    d, scene = high / n, Scene(fps=60, substeps=4, iterations=2, gravity=(force, 0, 0))
+    for k, up in enumerate((1.0, -1.0)):
+        M = np.eye(4)
+        M[:3, :3], M[1, 3] = np.array([[1, 0, 0], [0, 0, up], [0, -up, 0]]), high * k
+        scene.collider(f"/plate_{k}", wsim.Plane(), motion=Motion.still(M), static_friction=0.0, dynamic_friction=0.0)
+    cells = np.stack(np.meshgrid(np.arange(16), np.arange(n), np.arange(14), indexing="ij"), -1).reshape(-1, 3)
+    scene.particles("/oil", points=(cells + [-7.5, 0.5, -6.5]) * d, radius=d / 2,
+                    material=ConstraintFluid(viscosity=1000.0 * nu))
+    simulation, frames = wsim.Simulation(scene, device="cpu"), 18
+    simulation.run(frames)
+    middle = (np.abs(cells[:, 0] - 7.5) < 4) & (np.abs(cells[:, 2] - 6.5) < 4)
+    u = np.array([simulation.velocities()[middle & (cells[:, 1] == layer), 0].mean() for layer in range(n)])
+    s, U = (np.arange(n) + 0.5) / n, force * high**2 / (8.0 * nu)
+    exact = 4.0 * U * s * (1.0 - s)
+    for m in range(1, 40, 2):
+        exact -= 32.0 * U / (np.pi * m) ** 3 * np.sin(m * np.pi * s) * np.exp(-((m * np.pi / high) ** 2) * nu * frames / 60.0)
+    assert abs(u.mean() / exact.mean() - 1.0) < 0.05
+    assert np.abs(u - exact).max() < 0.08 * exact.max()
 
 
 def test_more_viscosity_than_substeps_carry_is_said_and_cut():

@@ -77,7 +77,7 @@ def test_a_cube_becomes_round():
         far = (x @ (rays / np.linalg.norm(rays, axis=1)[:, None]).T).max(axis=0)
         return far.max() / far.min()
     before = unevenness()
-    simulation.run(60)
+    simulation.run(80)
     assert not simulation.warnings, simulation.warnings                       # of energy that surfaces give
     assert before > 1.5 and unevenness() < 1.12
     x = simulation.positions().astype(float)

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 # H200: 15.3 ms a frame at 0.12, 16.5 at 0.2, 18.2 at 0.3; lists are made in each substep, and shorter ones pay
 SKIN = 0.12
 NEIGHBOURS = 56                  # entries of a list that there is room for at first; a lattice has 32 within its reach
-OMEGA = 0.5                      # relaxation of the multipliers
-KEEP = 0.9                       # part of an error that a substep may leave
 NEAR_WORD, DENSE_WORD = "fluid: neighbours wanted", "fluid: density"
 FIELDS = (StateField("p", "Pa", True, "pressure", "scalar"),)
 
@@ -59,9 +57,9 @@ class DensityConstraints(Method):
             first += body.count
         b.state.add(self.part)
         scratch = {"y": zeros(n, t.vec4), "at": zeros(n, t.vec4), "push": zeros(n, t.vec3)}
-        scratch |= {name: zeros(n) for name in ("lam", "tight", "left")}
-        self.table = fill_struct(S.FluidTable, d=d, omega=OMEGA, keep=KEEP, w=self.points.constants.w,
-                                 wall=zeros(kernels.WALLS * n, t.vec4), pressure=self.part.arrays["p"], **scratch)
+        scratch |= {name: zeros(n) for name in ("lam", "tight", "start", "lasting")}
+        scratch |= {"wall": zeros(kernels.WALLS * n, t.vec4), "rate": zeros(kernels.WALLS * n, t.vec3)}
+        self.table = fill_struct(S.FluidTable, d=d, w=self.points.constants.w, pressure=self.part.arrays["p"], **scratch)
         self.flow, self.flows = self._make_flow(b)
         self.tension = self._make_tension(b)
         self._make_kernels()
@@ -80,7 +78,7 @@ class DensityConstraints(Method):
         makers = {"gather": kernels.fluid_gather_kernel, "motion": kernels.fluid_motion_kernel,
                   "start": kernels.fluid_wall_push_kernel, "keep": density_errors.fluid_keep_kernel,
                   "flow": flow.flow_gather_kernel, "energy": density_errors.fluid_energy_kernel}
-        packed = {"left": density_errors.fluid_left_kernel, "pressure": kernels.fluid_pressure_kernel,
+        packed = {"errors": density_errors.fluid_error_kernel, "pressure": kernels.fluid_pressure_kernel,
                   "push": kernels.fluid_push_kernel, "viscosity": flow.flow_viscosity_kernel}
         if self.tension is not None:
             makers |= {"tension": tension.tension_kernel}
@@ -129,15 +127,16 @@ class DensityConstraints(Method):
         search.update(s.x, s.d, clock.k == 0)
         self._run("gather", [search.rows, search.cells, table, s.x, s.d, clock.h])
         self._run("walls", [table, self.colliders.rows, (clock.k + 1) * clock.h])
-        self._run("left", [search.lists, table])
+        self._run("errors", [search.rows, search.cells, search.lists, table])
         self._run("start", [table])
         self._run("push", [search.rows, search.cells, search.lists, table], [s.d])
 
     def solve(self, clock: Clock) -> None:
         """One iteration of all densities."""
         s, search, table = self.state, self.search, self.table
-        self._run("motion", [search.rows, search.cells, table, s.d])
-        self._run("pressure", [search.rows, search.cells, search.lists, table])
+        self._run("motion", [search.rows, search.cells, table, int(clock.i == 0), s.d])
+        corrected = kernels.CORRECTED if clock.i == clock.iterations - 1 else 0.0
+        self._run("pressure", [search.rows, search.cells, search.lists, table, *kernels.iteration_weights(clock.i), corrected])
         self._run("push", [search.rows, search.cells, search.lists, table], [s.d])
 
     def keep(self, clock: Clock) -> None:
@@ -145,7 +144,7 @@ class DensityConstraints(Method):
         s, search, table = self.state, self.search, self.table
         self._run("keep", [search.cells, table, clock.h], [self.status.word(DENSE_WORD)])
         if self.flows or self.tension is not None:
-            self._run("flow", [search.rows, search.cells, table, self.flow, s.x, s.v])
+            self._run("flow", [search.rows, search.cells, table, self.flow, s.x, clock.h], [s.v])
         if self.flows:
             self._run("viscosity", [search.rows, search.cells, search.lists, table, clock.h], [s.v])
         if self.tension is not None:

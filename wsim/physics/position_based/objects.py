@@ -236,8 +236,9 @@ def make_particles(path: str, shape: Any, radius: Any, more: dict) -> Particles:
 
 def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None) -> np.ndarray:
     """Places of a cubic lattice of edge 2 radius, LOOSE times that of grains, within a closed shape, in its own frame (n, 3)
-    [m], each moved at random within what that leaves free. Balls about them lie within a convex shape, and do not overlap.
-    Raises SceneError where there is not one radius > 0, a shape has no inside, or it holds no particle or too many."""
+    [m], each moved at random: grains within what that leaves free, so that they do not overlap, a fluid by as much, so that it
+    does not spread along its rows. Balls about them lie within a convex shape. Raises SceneError where there is not one radius
+    > 0, a shape has no inside, or it holds no particle or too many."""
     from wsim.physics.particles.check_shapes import check_volume_shape
     from wsim.physics.particles.lattice import index_block, indices_inside_mesh
     from wsim.scene import Plane, Problem, SceneError, Surface
@@ -251,8 +252,9 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
                                  "wsim.Surface(points, counts, indices) of a mesh"))
     if isinstance(shape, Plane):
         raise SceneError(Problem(path, "a Plane has no end to fill; allowed is a closed shape; fix: give a Box, say"))
-    edge = lattice_edge(float(radius), material == "fluid" or isinstance(material, ConstraintFluid))
-    free = 0.5 * edge - float(radius)
+    is_fluid = material == "fluid" or isinstance(material, ConstraintFluid)
+    edge, way = lattice_edge(float(radius), is_fluid), (LOOSE - 1.0) * float(radius)
+    free = 0.0 if is_fluid else way
     if broken := [problem for problem in check_volume_shape(path, shape) if problem.fatal]:
         raise SceneError(broken)
     if isinstance(shape, Surface):
@@ -271,7 +273,12 @@ def fill_with_particles(path: str, shape: Any, radius: Any, material: Any = None
     if not len(places):
         raise SceneError(Problem(path, f"its shape holds no particle: its radius is {float(radius):g} m; allowed: a shape that "
                                  "holds one; fix: give a smaller radius, or a larger shape"))
-    return places + free * np.random.default_rng(0).uniform(-1.0, 1.0, places.shape)
+    shift = way * np.random.default_rng(0).uniform(-1.0, 1.0, places.shape)
+    if is_fluid and not isinstance(shape, Surface):
+        for factor in (-1.0, 0.0):                                    # what would stand out goes back, or nowhere
+            out = shape_row(shape).distance(shape, places + shift) > -float(radius) * (1.0 - 1e-6)
+            shift[out] *= factor
+    return places + shift
 
 
 def _check_lattice_size(path: str, radius: Any, places: float) -> None:
