@@ -1,10 +1,12 @@
 """Velocities that particles of a fluid exchange at the end of a substep: viscosity. See density.py for symbols.
 
-    v_i += sum_j (c_ij h 2 mu / rho (-V W') / r + s V W / S) (v_j - v_i)
+    v_i += sum_j c_ij h 2 mu / rho (-V W') / r (v_j - v_i) + 3 s V W / S ((v_j - v_i) . e) e
 
-The first term is viscosity (Morris, Fox, Zhu 1997, eq. 22, for one density), in an explicit step; the second the XSPH form
-(Schechter, Bridson 2012; Macklin, Mueller 2013, eq. 17), which damps what particles do and a fluid does not, by the part s a
-substep. Pairs take opposite impulses; coefficients of two fluids are means. c = 1 / 0.93 makes up for the few particles within
+The first term is viscosity (Morris, Fox, Zhu 1997, eq. 22, for one density), in an explicit step; the second, after the XSPH
+form (Schechter, Bridson 2012; Macklin, Mueller 2013, eq. 17), damps what particles do and a fluid does not, by the part s a
+substep. It acts along e, three times as much, so that a fluid that turns as a whole keeps its spin: all of v_j - v_i, as there,
+takes a third of it in 2 s in a bucket that turns along.
+Pairs take opposite impulses; coefficients of two fluids are means. c = 1 / 0.93 makes up for the few particles within
 reach: the mean over lattices of sum_j -V W' r / 3, which is 1 where they are many.
 
 A wall that is s away holds viscous fluids: its layers (density.py), at z_k = s + (k + 1/2) d, each spread over its plane, have

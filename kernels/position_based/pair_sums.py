@@ -156,8 +156,9 @@ def pair_sums(real) -> SimpleNamespace:
                 r = rr * over
                 q = real(1.0) - r * one
                 rubbed = real(RUB) * h * (own[3] + far[3]) * one * q * q * over
-                part = real(WEIGHT) * (real(0.5) * (u[3] + other[3])) * q * q * q + wp.min(rubbed, real(MOST_RUBBED))
-                given += part * t.vec3(other[0] - u[0], other[1] - u[1], other[2] - u[2])
+                lack = t.vec3(other[0] - u[0], other[1] - u[1], other[2] - u[2])
+                part = real(1.5) * real(WEIGHT) * (u[3] + other[3]) * q * q * q * wp.dot(lack, way) * over * over
+                given += wp.min(rubbed, real(MOST_RUBBED)) * lack + part * way
         return given
 
     return SimpleNamespace(density=density_of_pairs, push=push_of_pairs, flow=flow_of_pairs)

@@ -84,9 +84,11 @@ PUSH = {"at": "at", "sums": "X = none, Y = none, Z = none, A = none, B = none, C
 FLOW = {"at": "y", "sums": "X = none, Y = none, Z = none", "columns": "X, Y, Z, none, none, none, none", "work": """
         const Columns u = rows(v.data, k), o = rows(v.data, j);
         const eight rubbed = R({rub}) * h * (own.w + far.w) * one * qq * over;
-        const eight part = R({weight}) * (R(0.5) * (u.w + o.w)) * qq * q + (rubbed < R({most}) ? rubbed : none + R({most}));
-        const eight by = (near & (rr > 0)) ? part : none;
-        X += by * (o.x - u.x); Y += by * (o.y - u.y); Z += by * (o.z - u.z);"""}
+        const eight a = o.x - u.x, b = o.y - u.y, c = o.z - u.z, rub = rubbed < R({most}) ? rubbed : none + R({most});
+        const eight along = R(1.5) * R({weight}) * (u.w + o.w) * qq * q * (a * x + b * y + c * z) * over * over;
+        const flags apart = near & (rr > 0);
+        X += apart ? rub * a + along * x : none; Y += apart ? rub * b + along * y : none;
+        Z += apart ? rub * c + along * z : none;"""}
 
 
 @cache

@@ -50,7 +50,8 @@ class ConstraintFluid:
 
     density             at rest [kg/m^3], above 0
     viscosity           [Pa s] (Morris, Fox, Zhu 1997), 0 or more; beyond `viscosity_limit` it is reduced, with a warning
-    smoothing           part of the differences of velocity that neighbours lose in a substep (XSPH) [1], 0 to 0.5
+    smoothing           part of the differences of velocity, along the line between them, that neighbours lose in a substep [1],
+                        0 to 0.5 (XSPH)
     surface_tension     [N/m] (Akinci, Akinci, Teschner 2013), 0 or more; water against air has 0.072; walls are not wetted;
                         beyond `tension_limit` it is reduced, with a warning
     static_friction     of contacts with colliders [1], 0 or more
