@@ -17,6 +17,7 @@ import numpy as np
 import warp as wp
 
 from wsim.model import kernel_cache
+from wsim.model.compiler.core_team import count_cores
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.bodies import scene_of_run
@@ -56,6 +57,7 @@ class Simulation(Readings):
             raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
         if fps is not None and not 0.0 < fps < float("inf"):
             raise SceneError(Problem("fps", f"found {fps}; allowed is a finite number of frames a second above 0"))
+        count_cores()                          # raises before anything is written, as WSIM_CPU_THREADS may be wrong
         if not isinstance(scene, Scene):
             from wsim.usd import load
             scene = load(scene)

@@ -124,7 +124,7 @@ def test_the_environment_says_how_many(monkeypatch):
     for wrong in ("0", "-1", "two", "1.5"):
         monkeypatch.setenv(core_team.VARIABLE, wrong)
         with pytest.raises(SceneError, match=f"{core_team.VARIABLE}.*whole number from 1.*fix:"):
-            core_team.count_cores()
+            Simulation(Scene())                            # and so before a file is begun
     monkeypatch.delenv(core_team.VARIABLE)
     assert 1 <= core_team.count_cores() <= (os.cpu_count() or 1)
 

@@ -30,8 +30,8 @@ def count_cores() -> int:
     named = os.environ.get(VARIABLE, "")
     if named:
         if not named.isdecimal() or int(named) < 1:
-            raise SceneError(Problem(VARIABLE, f"found {named!r}; allowed is a whole number from 1; fix: unset it, or name the "
-                                               "cores for this process"))
+            raise SceneError(Problem(VARIABLE, f"found {named!r}; allowed is a whole number from 1; fix: unset it, or give "
+                                               "the number of cores that this process may take"))
         return int(named)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
