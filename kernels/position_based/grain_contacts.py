@@ -15,9 +15,9 @@ import warp as wp
 from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import point_constants
-from wsim.kernels.position_based.grains import grain_structs, pair_impulse_func
+from wsim.kernels.position_based.grains import grain_structs, pair_impulse_func, pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
-from wsim.kernels.position_based.stacks import MORE, SETTLED, stack_state_func, support_func, support_sum_func
+from wsim.kernels.position_based.stacks import MORE, SETTLED, answer_func, stack_state_func, support_sum_func
 
 SLOP = 1e-3            # of R_i + R_j: overlap that is left alone, so that contacts last
 NEAR = 0.05            # of R_i + R_j: gap up to which a pair may touch in the iterations of a substep
@@ -25,34 +25,11 @@ RELAXED = 1.0          # over one more than a grain's overlaps: part of their su
 DEEP = 0.1             # of R_i + R_j: overlap beyond which contacts part pairs too, and give them the velocity of that,
 PARTED = 0.1           # by this part of the rest in a substep,
 QUICK = 0.01           # and by this part of R_i + R_j at most
+FINE = 2.0**32         # parts of a radius in which overlaps are summed
+SHIFTED = RELAXED / FINE                # of such a sum, over one more than a grain has overlaps
 TOLD = 2e-3            # of R_i + R_j: overlap that is told
 FAR = 4.0              # of a radius: way in a substep from which grains may pass through others
 FASTEST = 0.2          # of the least radius: way of an overlap's correction in a substep
-
-
-@cache
-def pair_normal_func(real):
-    """Function (y_i - y_j, i, j) -> (n, distance); coincident ones get a direction from their numbers, opposite for both."""
-    t = types(real)
-
-    @wp.func
-    def normal_of_pair(way: t.vec3, i: int, j: int):
-        D = wp.length(way)
-        n = t.vec3()
-        if D > real(0.0):
-            n = way / D
-        else:
-            low = wp.min(i, j)
-            seed = wp.rand_init(low, wp.max(i, j))
-            z = real(wp.randf(seed, -1.0, 1.0))
-            turn = real(wp.randf(seed, 0.0, 6.2831853))
-            flat = wp.sqrt(wp.max(real(1.0) - z * z, real(0.0)))
-            n = t.vec3(flat * wp.cos(turn), flat * wp.sin(turn), z)
-            if i != low:
-                n = -n
-        return n, D
-
-    return normal_of_pair
 
 
 @cache
@@ -76,7 +53,7 @@ def gather_kernel(real, module):
         g.u[k] = u
         g.rub[k] = g.friction[p]
         g.up[k] = up
-        g.felt[k] = felt
+        g.felt[k] = t.vec2(felt, before.share[p])
         g.held[k] = held
         g.rise[k] = up[0] * u[0] + up[1] * u[1] + up[2] * u[2]
         if wp.length(d[i]) > real(FAR) * rows.reach[p]:
@@ -89,7 +66,7 @@ def gather_kernel(real, module):
 def overlap_kernel(real, module):
     """Kernel over places: `back`, and the greatest overlap into `deepest`. most: of `back` [m]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
-    support = support_func(real)
+    answers = answer_func(real)
 
     def measure_overlaps(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, most: real):
         k = wp.tid()
@@ -98,7 +75,7 @@ def overlap_kernel(real, module):
         felt = g.felt[k]
         own = c.reach[k]
         up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
-        back = t.vec3()
+        whole = wp.vec3l()                          # sums of integers do not depend on the order of lists
         number = real(0.0)
         deepest = real(0.0)
         for s in range(lists.count[k]):
@@ -110,16 +87,16 @@ def overlap_kernel(real, module):
                 over = R - D
                 deepest = wp.max(deepest, over / R)
                 over -= real(SLOP) * R
-                held = support(wp.dot(up, n), felt, g.felt[other])
-                both = w + g.inverse[other]
-                if over > real(0.0) and both > real(0.0) and held >= 0:
-                    share = w / both
-                    if held == 1:
-                        share = real(1.0)
-                    back += (over * share) * n
+                held, mine, others = answers(wp.dot(up, n), felt, g.felt[other])
+                both = mine * w + others * g.inverse[other]
+                if over > real(0.0) and both > real(0.0) and mine > real(0.0):
+                    part = (real(FINE) * over * mine * w / (both * real(own))) * n
+                    whole += wp.vec3l(wp.int64(part[0]), wp.int64(part[1]), wp.int64(part[2]))
                     number += real(1.0)
+        back = t.vec3()
         if number > real(0.0):
-            back *= real(RELAXED) / (real(1.0) + number)
+            back = t.vec3(real(whole[0]), real(whole[1]), real(whole[2]))
+            back *= own * real(SHIFTED) / (real(1.0) + number)
             size = wp.length(back)
             if size > most:
                 back *= most / size
@@ -208,11 +185,11 @@ def force_before_func(real):
 
 
 @cache
-def contact_kernel(real, module):
+def contact_kernel(shares: bool, real, module):
     """Kernel over places: contacts, their normals and gaps, and the impulses that the forces of the substep before give in this
     one; h [s]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
-    support, solve = support_func(real), pair_impulse_func(real)
+    answers, solve = answer_func(real), pair_impulse_func(real)
     listing, force_before = pair_listing_func(real), force_before_func(real)
 
     def start_grain_contacts(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
@@ -222,8 +199,6 @@ def contact_kernel(real, module):
         y = g.y[k]
         u = g.u[k]
         rub = g.rub[k]
-        felt = g.felt[k]
-        part = g.held[k][0]
         ground = g.held[k][2]
         up = t.vec3(g.up[k][0], g.up[k][1], g.up[k][2])
         given = t.vec3()
@@ -234,25 +209,27 @@ def contact_kernel(real, module):
             slot = s * q.size + k
             other = q.other[slot]
             n, D = normal(y - g.y[other], p, q.id[slot])
-            held = support(wp.dot(up, n), felt, g.felt[other])
+            held, mine, others = answers(wp.dot(up, n), g.felt[k], g.felt[other])
             old, f = force_before(before, q, p, q.id[slot], old)
             L = (h * h) * f
-            if held == 1:
-                L *= real(1.0) / wp.max(part, real(1.0 / MORE))
+            share = wp.min(mine, others)
+            if held != 0:
+                upper = wp.where(held == 1, g.held[k][0], g.held[other][0])
+                L *= share + (real(1.0) - share) / wp.max(upper, real(1.0 / MORE))
             mu = real(0.5) * (rub + g.rub[other])
             L = solve(n, real(0.0), L, t.vec3(), real(1.0), mu)          # cut to the cone of friction: nothing has moved
             R = c.reach[k] + c.reach[other]
             gap = D - R
             b = wp.max(gap, real(0.0))
-            if held == 0:
-                b += wp.max(real(PARTED) * wp.min(gap + real(DEEP) * R, real(0.0)), -real(QUICK) * R)
+            b += share * wp.max(real(PARTED) * wp.min(gap + real(DEEP) * R, real(0.0)), -real(QUICK) * R)
             q.n[slot] = n
             q.b[slot] = b
             q.L[slot] = L
             q.support[slot] = held
             carried = carried or held == 1
-            if held >= 0:
-                given += L
+            if wp.static(shares):
+                q.share[slot] = share
+            given += mine * L
             if wp.length_sq(L) > real(0.0) or b + wp.dot(n, u - g.u[other]) < real(0.0):
                 pressed += real(1.0)
         if not carried and ground >= real(SETTLED):
@@ -261,25 +238,28 @@ def contact_kernel(real, module):
         d_out[g.point[k]] = d_out[g.point[k]] + g.inverse[k] * given
         g.split[k] = pressed * g.inverse[k]
 
-    return kernel_over_cores(start_grain_contacts, f"grains_contact_{t.name}", module)
+    return kernel_over_cores(start_grain_contacts, f"grains_contact{'_shares' * shares}_{t.name}", module)
 
 
 @cache
-def force_kernel(deep: bool, real, module):
+def force_kernel(deep: bool, shares: bool, real, module):
     """Kernel over places: what contacts have borne in a substep of h [s], as forces, by the numbers of grains; deep: and what
     stacks need of it (stacks.py)."""
     t, N, S = types(real), neighbour_structs(real), grain_structs(real)
-    sum_support = support_sum_func(real)
+    sum_support = support_sum_func(shares, real)
 
     def keep_grain_forces(c: N.CellTable, g: S.GrainTable, q: S.GrainContacts, after: S.GrainForces,
-                          support_after: S.GrainSupport, v: wp.array(dtype=t.vec3), h: real):
+                          support_after: S.GrainSupport, v: wp.array(dtype=t.vec3), h: real, most: real):
         k = wp.tid()
         p = c.order[k]
         m = int(0)
         for s in range(q.count[k]):
             slot = s * q.size + k
             L = q.L[slot]
-            if q.support[slot] == -1:                        # what it holds has answered alone, and knows
+            alone = q.support[slot] == -1
+            if wp.static(shares):
+                alone = alone and q.share[slot] == real(0.0)
+            if alone:                                        # what it holds has answered alone, and knows
                 other = q.other[slot]
                 L = t.vec3()
                 e = int(0)
@@ -295,6 +275,6 @@ def force_kernel(deep: bool, real, module):
         if m < q.room:
             after.id[m * q.size + p] = -1
         if wp.static(deep):
-            sum_support(g, q, support_after, v[g.point[k]], k, p, h)
+            sum_support(g, q, support_after, v[g.point[k]], most, k, p, h)
 
-    return kernel_over_cores(keep_grain_forces, f"grains_force{'_deep' * deep}_{t.name}", module)
+    return kernel_over_cores(keep_grain_forces, f"grains_force{'_deep' * deep}{'_shares' * shares}_{t.name}", module)

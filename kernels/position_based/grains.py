@@ -29,6 +29,7 @@ import warp as wp
 from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 
+OVER = 1.7             # over-relaxation of what both sides answer; stable below 2, as K bounds what all contacts do together
 PUSHED = 0.5           # of a push by a grain that holds another, that the other takes: see stacks.py
 
 
@@ -47,8 +48,8 @@ def grain_structs(real) -> SimpleNamespace:
         u: wp.array(dtype=t.vec3)          # by k [m]
         split: wp.array(dtype=t.scalar)    # m w, by k [1/kg]
         up: wp.array(dtype=t.vec4)         # against gravity, and its size [m/s^2], by k: see stacks.py
-        felt: wp.array(dtype=t.scalar)     # of gravity in the substep before, by k; below 0: no grain
-        held: wp.array(dtype=t.vec3)       # part, load over weight, ground, by k
+        felt: wp.array(dtype=t.vec2)       # of gravity in the substep before, below 0: no grain; then its share; by k
+        held: wp.array(dtype=t.vec4)       # part, load over weight, ground, due, by k
         rise: wp.array(dtype=t.scalar)     # up.u before contacts, by k [m]
         rub: wp.array(dtype=t.vec2)        # friction by k
         back: wp.array(dtype=t.vec3)       # correction of overlaps, by k [m]
@@ -66,6 +67,7 @@ def grain_structs(real) -> SimpleNamespace:
         n: wp.array(dtype=t.vec3)
         b: wp.array(dtype=t.scalar)        # [m]
         L: wp.array(dtype=t.vec3)          # [kg m]
+        share: wp.array(dtype=t.scalar)    # part of L that the lower one feels; 1 where support is 0: see stacks.py
         wanted: wp.array(dtype=int)        # most contacts of a grain that had no room, (1,)
 
     @wp.struct
@@ -78,6 +80,8 @@ def grain_structs(real) -> SimpleNamespace:
         felt: wp.array(dtype=t.scalar)     # upward acceleration by contacts over gravity, by p [1]
         part: wp.array(dtype=t.scalar)     # of the weight, that grains carry, by p [1]
         load: wp.array(dtype=t.vec3)       # of the grains above, by p [N]
+        due: wp.array(dtype=t.scalar)      # its weight and what it feels from above, over its weight, by p [1]
+        share: wp.array(dtype=t.scalar)    # part of what stands on it that it feels, by p [1]
         ground: wp.array(dtype=t.scalar)   # substeps on something else than grains, SETTLED at most, by p
 
     return SimpleNamespace(GrainTable=GrainTable, GrainContacts=GrainContacts, GrainForces=GrainForces,
@@ -95,6 +99,31 @@ def motion_kernel(real, module):
         g.u[k] = d[i] - a[i]
 
     return kernel_over_cores(gather_motion, f"grains_motion_{t.name}", module)
+
+
+@cache
+def pair_normal_func(real):
+    """Function (y_i - y_j, i, j) -> (n, distance); coincident ones get a direction from their numbers, opposite for both."""
+    t = types(real)
+
+    @wp.func
+    def normal_of_pair(way: t.vec3, i: int, j: int):
+        D = wp.length(way)
+        n = t.vec3()
+        if D > real(0.0):
+            n = way / D
+        else:
+            low = wp.min(i, j)
+            seed = wp.rand_init(low, wp.max(i, j))
+            z = real(wp.randf(seed, -1.0, 1.0))
+            turn = real(wp.randf(seed, 0.0, 6.2831853))
+            flat = wp.sqrt(wp.max(real(1.0) - z * z, real(0.0)))
+            n = t.vec3(flat * wp.cos(turn), flat * wp.sin(turn), z)
+            if i != low:
+                n = -n
+        return n, D
+
+    return normal_of_pair
 
 
 @cache
@@ -119,8 +148,8 @@ def pair_impulse_func(real):
 
 
 @cache
-def grain_solve_kernel(real, module):
-    """Kernel over places: one iteration of all contacts of a grain."""
+def grain_solve_kernel(shares: bool, real, module):
+    """Kernel over places: one iteration of all contacts of a grain. shares: what stands on a grain may be felt in part."""
     t, S, solve = types(real), grain_structs(real), pair_impulse_func(real)
 
     def solve_grain_contacts(g: S.GrainTable, q: S.GrainContacts, d_out: wp.array(dtype=t.vec3)):
@@ -137,19 +166,30 @@ def grain_solve_kernel(real, module):
             slot = s * q.size + k
             other = q.other[slot]
             held = q.support[slot]
+            share = real(0.0)
+            if wp.static(shares):
+                share = q.share[slot]
+            n = q.n[slot]
             K = own + g.split[other]
             away = u - g.u[other]
+            felt = real(1.0)
             if held == 1:
+                K = own + share * g.split[other]
+                away += (real(1.0 - PUSHED) * (real(1.0) - share) * wp.max(wp.dot(n, g.u[other]), real(0.0))) * n
+            if held == -1:
+                felt = share
+                K = share * own + g.split[other]
+                away += (real(1.0 - PUSHED) * (real(1.0) - share) * wp.max(-wp.dot(n, u), real(0.0))) * n
+            K *= real(1.0 / OVER)
+            if held == 1 and share == real(0.0):
                 K = w
-                n = q.n[slot]
-                push = wp.max(wp.dot(n, g.u[other]), real(0.0))
-                away += w * given + (real(1.0 - PUSHED) * push) * n
-            if K > real(0.0) and held >= 0:
+                away += w * given
+            if K > real(0.0) and felt > real(0.0):
                 L = q.L[slot]
-                new = solve(q.n[slot], q.b[slot], L, away, K, real(0.5) * (rub + g.rub[other]))
+                new = solve(n, q.b[slot], L, away, K, real(0.5) * (rub + g.rub[other]))
                 q.L[slot] = new
-                given += new - L
+                given += felt * (new - L)
         i = g.point[k]
         d_out[i] = d_out[i] + w * given
 
-    return kernel_over_cores(solve_grain_contacts, f"grains_solve_{t.name}", module)
+    return kernel_over_cores(solve_grain_contacts, f"grains_solve{'_shares' * shares}_{t.name}", module)

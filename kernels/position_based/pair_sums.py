@@ -14,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.position_based.grain_contacts import pair_normal_func
+from wsim.kernels.position_based.grains import pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
 
 REACHED = 2.0          # H over d

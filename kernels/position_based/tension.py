@@ -24,7 +24,7 @@ import warp as wp
 from wsim.kernels.math.marks import kernel_over_cores
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based.density import fluid_structs, place_of
-from wsim.kernels.position_based.grain_contacts import pair_normal_func
+from wsim.kernels.position_based.grains import pair_normal_func
 from wsim.kernels.position_based.neighbours import neighbour_structs
 from wsim.kernels.position_based.packets.sums import row_sums
 from wsim.kernels.position_based.pair_sums import REACHED

@@ -32,26 +32,29 @@ def grain_method(simulation):
     return next(m for m in simulation.plan.methods if m.name == "grains")
 
 
-@pytest.mark.parametrize("iterations", [1, 4])
-def test_grains_of_a_column_bear_the_weight_above_them_and_the_floor_all_of_it(iterations):
-    """One iteration is few for five layers: what stands on others is carried, as loads. Four are not: contacts bear it."""
+@pytest.mark.parametrize(("steps", "deep", "share"), [((3, 1), True, 0.0), ((8, 1), True, 1.0), ((8, 8), False, 0.0)])
+def test_grains_of_a_column_bear_the_weight_above_them_and_the_floor_all_of_it(steps, deep, share):
+    """By few iterations for five layers what stands on others is carried, as loads; by more, it comes to be felt; by many,
+    contacts bear it from the start."""
     r = 0.004
-    simulation = grains_on_floor([[0, r + 2 * r * i, 0] for i in range(5)], r, iterations=iterations)
-    simulation.run(60)
+    simulation = grains_on_floor([[0, r + 2 * r * i, 0] for i in range(5)], r, substeps=steps[0], iterations=steps[1])
+    simulation.run(180)
     method, weight = grain_method(simulation), 2600 * 4 / 3 * np.pi * r**3 * G
-    assert method.deep == (iterations == 1)
-    if method.deep:
-        load = method.support.load.numpy()[method.support_part.rows["/grains", 0]]
-        assert np.allclose(load[:, 1], -weight * np.arange(4, -1, -1), rtol=1e-4, atol=1e-4 * weight)
-    else:
+    assert method.deep == deep and method.most_share == share
+    rows = method.support_part.rows["/grains", 0]
+    load = method.support.load.numpy()[rows]
+    if share == 1.0:
+        assert np.abs(load).max() < 2e-3 * weight and method.support.share.numpy()[rows].min() == 1.0
+    if share == 1.0 or not deep:
         id, f = (method.part.arrays[name].numpy()[method.part.rows["/grains", 0]].reshape(5, -1, *more)
                  for name, more in (("id", ()), ("f", (3,))))
         first = np.cumsum(id < 0, axis=1) == 0                                  # entries behind the last are old
         load = np.where(first[..., None], np.minimum(f, 0.0), 0.0).sum(axis=1)     # by what lies above
-        assert np.allclose(load[:, 1], -weight * np.arange(4, -1, -1), rtol=1e-4, atol=1e-4 * weight)
+    bound = 1e-4 if share == 0.0 else 2e-3
+    assert np.allclose(load[:, 1], -weight * np.arange(4, -1, -1), rtol=bound, atol=bound * weight)
     assert np.abs(load[:, [0, 2]]).max() < 1e-4 * weight
-    contacts, h = simulation.plan.method("contact").contacts, 1 / 480
-    assert np.isclose(contacts.impulses(h)["/floor"][1], -5 * weight * h, rtol=1e-4)
+    contacts, h = simulation.plan.method("contact").contacts, 1 / 60 / steps[0]
+    assert np.isclose(contacts.impulses(h)["/floor"][1], -5 * weight * h, rtol=bound)
     assert np.abs(simulation.velocities()).max() < 1e-5
 
 
@@ -343,10 +346,10 @@ def test_a_scene_counts_particles_by_the_prim():
     assert describe_scene_contents(scene).startswith("2 particle prims; 2 points")
 
 
-@pytest.mark.parametrize(("substeps", "iterations"), [(8, 4), (16, 2)])
-def test_a_heap_comes_to_rest_and_does_not_creep(substeps, iterations):
-    """A loose column collapses. Contacts in which both sides answer end at Coulomb's law, which a heap at rest fulfils. Carried
-    grains, of fewer iterations, go on at 1e-3 m/s."""
+@pytest.mark.parametrize(("substeps", "iterations", "frames"), [(8, 4, 150), (16, 2, 150), (8, 2, 300)])
+def test_a_heap_comes_to_rest_and_does_not_creep(substeps, iterations, frames):
+    """A loose column collapses. Contacts in which both sides answer end at Coulomb's law, which a heap at rest fulfils. Grains
+    that felt their own weight alone went on at 1e-3 m/s. At 8 x 2 one leaves a saddle after four seconds; then all rest."""
     r = 0.004
     i = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(12), np.arange(-4, 5), indexing="ij"), -1).reshape(-1, 3).astype(float)
     i[:, [0, 2]] += 0.5 * (i[:, 1:2] % 2)
@@ -354,8 +357,7 @@ def test_a_heap_comes_to_rest_and_does_not_creep(substeps, iterations):
     points = points[np.hypot(points[:, 0], points[:, 2]) < 7.0 * r]
     points += 0.1 * r * np.random.default_rng(0).uniform(-1, 1, points.shape)
     simulation = grains_on_floor(points, r, substeps=substeps, iterations=iterations)
-    assert not grain_method(simulation).deep
-    simulation.run(150)
+    simulation.run(frames)
     before = simulation.positions().astype(float)
     assert np.abs(simulation.velocities()).max() < 1e-3
     simulation.run(60)

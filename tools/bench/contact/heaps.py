@@ -183,7 +183,8 @@ def silo(args) -> None:
             scene.collider("/floor", wsim.Plane("Y"), motion=wsim.Motion(t, poses), static_friction=args.mu,
                            dynamic_friction=args.mu)
             add_walls(scene, 0.5 * D, args.mu)
-            x = lattice(args.across, widths * args.across)
+            across = int(args.across * 2.2 / 2.6)                          # loose: a lattice would stand off the walls
+            x = lattice(across, int(1.3 * widths * args.across), 1.3 * RADIUS, 0.4)
             scene.particles("/grains", points=x, radius=RADIUS,
                             material=Grains(static_friction=args.mu, dynamic_friction=args.mu))
             run, borne = Run(scene, args.device), []

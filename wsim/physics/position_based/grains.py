@@ -26,27 +26,43 @@ SKIN = 0.3                       # of the diameter: what a pair may come nearer 
 NEIGHBOURS, TOUCHED = 20, 13     # entries of a list, and contacts of a grain, that there is room for at first
 NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD = ("grains: neighbours wanted", "grains: contacts wanted", "grains: fast",
                                                "grains: overlap")
-SWEPT, ROLLED = 4.0, 2.5         # iterations a layer, and of grains that turn: see `stands_deep`
+SWEPT, SMOOTH, ROLLED = 10.0, 4.0, 2.5       # iterations a layer; with less friction than RUBBED; of grains that turn
+RUBBED = 0.1                     # without friction wedges lose some of the load of carried grains
+SHARED = 1.3                     # iterations a layer: see `most_share`
 DEEP = 0.05                      # of the distance of two centres: overlap that is warned of
 FIELDS = (StateField("f", "N", True, "force of a contact on the grain, without what lies on the other"),
           StateField("id", "1", True, "number of the other grain, ascending; -1: no more", "int"))
 SUPPORT = (StateField("felt", "1", True, "upward acceleration by contacts over gravity", "scalar"),
            StateField("part", "1", True, "of its weight that grains carry", "scalar"),
            StateField("load", "N", True, "of the grains that it carries"),
+           StateField("due", "1", True, "its weight and what it feels of grains on it, over its weight", "scalar"),
+           StateField("share", "1", True, "part of what stands on it that it feels", "scalar"),
            StateField("ground", "1", True, "substeps that it has rested on something else than grains", "scalar"))
 
 
-def stands_deep(points: SearchedPoints, gravity: Any, rate: float, swept: float = SWEPT) -> bool:
-    """Whether iterations, `rate` of them a second, are too few to carry the load of a pile from layer to layer: fewer than
-    `swept` a layer while a grain falls by its radius. Then what stands on others is carried (kernels/position_based/stacks.py).
-    Else both sides answer all contacts, and momentum is kept to rounding: carried grains that a collider pushes are thrown, and
-    heaps of them creep. Both sides rest from some 4 on; with 4 to 10, 1 % of pairs overlap by up to 15 % as they land."""
+def iterations_a_layer(points: SearchedPoints, gravity: Any, rate: float) -> float:
+    """Of `rate` iterations a second: how many a layer of a pile gets while a grain falls by its radius; inf without gravity."""
     size, radius = float(np.linalg.norm(gravity)), float(np.mean(points.reach))
     if size == 0.0:
-        return False
+        return float("inf")
     height = float(np.ptp(points.start @ np.asarray(gravity, np.float64) / size))
     layers = max(height / (2.0 * radius), len(points.reach) ** (1.0 / 3.0))
-    return bool(rate * np.sqrt(2.0 * radius / size) < swept * layers)
+    return float(rate * np.sqrt(2.0 * radius / size) / layers)
+
+
+def stands_deep(points: SearchedPoints, gravity: Any, rate: float, swept: float = SWEPT) -> bool:
+    """Whether iterations, `rate` of them a second, are too few to carry the load of a pile from layer to layer as it lands:
+    fewer than `swept` a layer while a grain falls by its radius. Then what stands on others is carried
+    (kernels/position_based/stacks.py). Else both sides answer all contacts from the start, and momentum is kept to rounding:
+    carried grains that a collider pushes are thrown. With 4 to 10 a layer, 1 % of pairs would overlap by up to 16 % as they
+    land."""
+    return iterations_a_layer(points, gravity, rate) < swept
+
+
+def most_share(points: SearchedPoints, gravity: Any, rate: float) -> float:
+    """Part of what stands on it that a carried grain comes to feel once it has landed: all, from SHARED iterations a layer on,
+    since heaps creep without. With fewer, columns that feel it lose a tenth of their height and more."""
+    return float(iterations_a_layer(points, gravity, rate) >= SHARED)
 
 
 def build(b: Build) -> GrainContacts:
@@ -76,25 +92,24 @@ class GrainContacts(Method):
         friction = np.concatenate([np.tile(body.friction, (body.count, 1)) for body in self.bodies])
         self.table = fill_struct(S.GrainTable, friction=b.model.upload(friction.astype(b.model.dtype), t.vec2),
                                  w=self.points.constants.w, y=zeros(n, t.vec3), u=zeros(n, t.vec3), split=zeros(n),
-                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3), up=zeros(n, t.vec4), held=zeros(n, t.vec3),
-                                 rise=zeros(n), felt=zeros(n), inverse=zeros(n), point=zeros(n, int), fast=zeros(1, int),
-                                 deepest=zeros(1, int))
+                                 rub=zeros(n, t.vec2), back=zeros(n, t.vec3), up=zeros(n, t.vec4), held=zeros(n, t.vec4),
+                                 rise=zeros(n), felt=zeros(n, t.vec2), inverse=zeros(n), point=zeros(n, int),
+                                 fast=zeros(1, int), deepest=zeros(1, int))
         self.structs: Any = S
         self.touched: Any = None
         self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)         # None: no grain turns
         self._make_contacts(TOUCHED)
         b.state.add(self.part)
-        self.deep = stands_deep(points, b.scene.gravity, b.scene.fps * b.clock.substeps * b.clock.iterations,
-                                ROLLED if self.rolling else SWEPT)
+        rate = b.scene.fps * b.clock.substeps * b.clock.iterations
+        swept = ROLLED if self.rolling else SWEPT if friction.min() >= RUBBED else SMOOTH
+        self.deep = stands_deep(points, b.scene.gravity, rate, swept)
+        most = most_share(points, b.scene.gravity, rate) if self.deep and not self.rolling else 0.0   # rolling.py knows of none
+        self.most_share, shares = most, most > 0.0
         self.support_part = StatePart.allocate("grain support", SUPPORT, n, real, b.model.device)
         self.support_part.rows = _rows_of_bodies(self.bodies)
         self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)
         b.state.add(self.support_part)
-        makers: dict[str, Any] = {
-            "gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
-            "contact": pairs.contact_kernel, "motion": kernels.motion_kernel, "solve": kernels.grain_solve_kernel,
-            "force": partial(pairs.force_kernel, self.deep)}
-        self.kernels = {name: make(real, launches.module) for name, make in makers.items()}
+        self.kernels = self._make_kernels(shares)
         for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
             b.status.reserve(word)
         size = n * np.dtype(b.model.dtype).itemsize
@@ -102,6 +117,15 @@ class GrainContacts(Method):
                               what=f"{n} grains"),
                         Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
                         Stage("grain forces", "finish", self.keep, 1, 100 * size, what="for the next substep")]
+
+    def _make_kernels(self, shares: bool) -> dict[str, Any]:
+        """Those of this scene, by name. shares: what stands on grains is felt in part."""
+        makers: dict[str, Any] = {
+            "gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
+            "contact": partial(pairs.contact_kernel, shares), "motion": kernels.motion_kernel,
+            "solve": partial(kernels.grain_solve_kernel, shares),
+            "force": partial(pairs.force_kernel, self.deep, shares)}
+        return {name: make(self.model.real, self.launches.module) for name, make in makers.items()}
 
     def _make_rolling(self, b: Build) -> Any:
         """Turns of grains; None where none turns, as beside Newton's method."""
@@ -120,7 +144,7 @@ class GrainContacts(Method):
         zeros, wanted = launches.zeros, self.touched.wanted if self.touched else launches.zeros(1, int)
         whole = {name: zeros(room * n, int) for name in ("other", "id", "support")}
         self.touched = fill_struct(S.GrainContacts, room=room, size=n, count=zeros(n, int), n=zeros(room * n, t.vec3),
-                                   b=zeros(room * n), L=zeros(room * n, t.vec3), wanted=wanted, **whole)
+                                   b=zeros(room * n), L=zeros(room * n, t.vec3), share=zeros(room * n), wanted=wanted, **whole)
         fields = (*FIELDS, self.rolling.torque) if self.rolling else FIELDS
         made = StatePart.allocate("grains", fields, room * n, self.model.real, self.model.device)
         rows = {key: (own[:, None] + n * np.arange(room)).ravel()                     # author's order, slot behind slot
@@ -169,7 +193,8 @@ class GrainContacts(Method):
 
     def keep(self, clock: Clock) -> None:
         """Forces, for the next substep."""
-        self._run("force", [self.search.cells, self.table, self.touched, self.forces, self.support, self.state.v, clock.h], [])
+        self._run("force", [self.search.cells, self.table, self.touched, self.forces, self.support, self.state.v, clock.h,
+                            self.most_share], [])
         if self.rolling:
             self.rolling.keep(clock)
 
