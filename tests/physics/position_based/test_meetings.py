@@ -170,8 +170,8 @@ def test_a_cloth_flies_through_where_grains_have_not_come_yet_and_meets_those_th
 @pytest.mark.parametrize("partner, material, words", [
     ("cloth", "grains", "grains overlap"), ("rods", "grains", "grains overlap"), ("cloth", "fluid", "pressed together")])
 def test_a_hundred_in_one_place_beside_others_go_on_from_a_file_to_the_bit(partner, material, words):
-    """They touch a hundred others each, for which there is no room at first; all stay finite, and are told of. The fluid bursts
-    against the cloth at 400 m/s, for which substeps are raised from 8 to 128: a run that goes on takes 128, too."""
+    """They touch a hundred others each, for which there is no room at first; all stay finite, and are told of. The fluid goes
+    on from its second frame: from the first one, in which it bursts against the cloth, other bits follow."""
     def crowd():
         scene = Scene(fps=60, substeps=8, iterations=4, gravity=(0, 0, 0))
         scene.particles("/p", points=np.tile([0.003, 0.03, 0.002], (100, 1)), radius=R,
@@ -179,7 +179,7 @@ def test_a_hundred_in_one_place_beside_others_go_on_from_a_file_to_the_bit(partn
         add_partner(scene, partner)
         return wsim.Simulation(scene, device="cpu")
     first, second, third = crowd(), crowd(), crowd()
-    frames = 3 if material == "fluid" else 6
+    frames = 4 if material == "fluid" else 6
     first.run(frames)
     second.run(frames - 2)
     third.restart(frames - 2, {path: second.fields(path) for path in second.state.paths()})
