@@ -148,7 +148,7 @@ class Scene(ArrayDataclass):
         objects = {name: [new if each is thing else each for each in found] for name, found in self.objects.items()}
         return replace(self, **lists, objects=objects)
 
-    def cloth(self, path: str, points, counts, indices, **more) -> "Cloth":
+    def cloth(self, path: str, points, counts, indices=None, **more) -> "Cloth":
         """Adds a cloth; see `Cloth` for the fields."""
         return self.add(method_file("Cloth", "objects").Cloth(path, points, counts, indices, **more))
 

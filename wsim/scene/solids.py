@@ -13,7 +13,7 @@ import numpy as np
 from wsim.geometry import primitives
 from wsim.scene.bodies import ArrayDataclass, SizedShape
 from wsim.scene.curve import Motion
-from wsim.scene.values.arrays import contiguous_array
+from wsim.scene.values.arrays import contiguous_array, polygon_corners
 
 APPROXIMATIONS = ("none", "meshSimplification", "sdf", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -98,19 +98,19 @@ class Surface(ArrayDataclass):
     sides keep `Collider.thickness` away.
 
     points     (n, 3) [m], own frame, float32
-    counts     corners of each polygon, (faces,)
+    counts     corners of each polygon, (faces,); or, without indices, the corners of triangles (t, 3) or quads (t, 4)
     indices    point of each corner, (sum of counts,)
     poses      of a deforming mesh: a Curve of points (keys, n, 3) [m], or a `Skinned` (wsim/physics/animation); None: none
     """
 
     points: np.ndarray
     counts: np.ndarray
-    indices: np.ndarray
+    indices: Any = None
     poses: Any = None
 
     def __post_init__(self):
         self.points = contiguous_array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
+        self.counts, self.indices = polygon_corners("Surface", self.counts, self.indices)
 
 
 Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface

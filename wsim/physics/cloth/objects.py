@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from wsim.scene.bodies import BodyGeometry, Deformable
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.scene.nodal.masses import cloth_masses
-from wsim.scene.values.arrays import contiguous_array, demand_kind, real_array
+from wsim.scene.values.arrays import demand_kind, polygon_corners, real_array
 
 CLOTH_MODELS = ("membrane", "springs")
 
@@ -23,7 +24,7 @@ class Cloth(Deformable):
 
     path           prim path
     points         (n, 3) [m], own frame, float32 or float64
-    counts         corners of each polygon, (faces,)
+    counts         corners of each polygon, (faces,); or, without indices, the corners of triangles (t, 3) or quads (t, 4)
     indices        point of each corner, (sum of counts,)
     material       a `Fabric`
     motion         own frame to world at the start, lengths [m]
@@ -50,7 +51,7 @@ class Cloth(Deformable):
     path: str
     points: np.ndarray
     counts: np.ndarray
-    indices: np.ndarray
+    indices: Any = None
     material: Fabric = field(default_factory=Fabric)
     motion: Motion = field(default_factory=Motion.still)
     velocities: np.ndarray | None = None
@@ -71,7 +72,7 @@ class Cloth(Deformable):
     def __post_init__(self):
         demand_kind(self.path, "material", self.material, Fabric, 'wsim.fabric("silk")')
         self.points = real_array(self.points, -1, 3)
-        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
+        self.counts, self.indices = polygon_corners(self.path, self.counts, self.indices)
         self.velocities = real_array(self.velocities, -1, 3)
         self.rest_points = real_array(self.rest_points, -1, 3)
         self.masses, self.thicknesses = real_array(self.masses, -1), real_array(self.thicknesses, -1)

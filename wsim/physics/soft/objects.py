@@ -9,7 +9,7 @@ from wsim.scene.bodies import ArrayDataclass, BodyGeometry, Deformable
 from wsim.scene.curve import Motion
 from wsim.scene.nodal.masses import soft_masses, soft_weights
 from wsim.scene.solid import Bulk
-from wsim.scene.values.arrays import contiguous_array, demand_kind, real_array
+from wsim.scene.values.arrays import contiguous_array, demand_kind, polygon_corners, real_array
 
 
 @dataclass(eq=False)
@@ -19,7 +19,7 @@ class Skin(ArrayDataclass):
 
     path       prim path
     points     (m, 3) [m], the soft body's own frame, where its rest (bind) pose is, float32
-    counts     corners of each polygon, (faces,), so that it can be saved
+    counts     corners of each polygon, (faces,), or its triangles (t, 3), so that it can be saved
     indices    point of each corner, (sum of counts,)
     """
 
@@ -30,7 +30,7 @@ class Skin(ArrayDataclass):
 
     def __post_init__(self):
         self.points = contiguous_array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
+        self.counts, self.indices = polygon_corners(self.path, self.counts, self.indices)
 
 
 @dataclass(eq=False)

@@ -38,6 +38,20 @@ def contiguous_array(value, dtype, *shape):
     return np.ascontiguousarray(given, dtype).reshape(shape)
 
 
+def polygon_corners(what: str, counts, indices) -> tuple[np.ndarray, np.ndarray]:
+    """How many corners each polygon has, (faces,), and the points of all of them in a row; or, without indices, of a table of
+    polygons (faces, corners). Raises ValueError for neither."""
+    if indices is None or (np.ndim(counts) == 2 and not np.size(indices)):
+        if np.ndim(counts) != 2:
+            raise ValueError(f"{what}: it has no indices; allowed: counts and indices, or triangles (t, 3) alone; fix: give "
+                             "(points, counts, indices), or (points, triangles)")
+        indices, counts = counts, np.full(np.shape(counts)[0], np.shape(counts)[1])
+    elif np.ndim(counts) == 2 and np.size(counts):
+        raise ValueError(f"{what}: counts has rows of {np.shape(counts)[1]}, and there are indices; allowed: how many corners "
+                         "each polygon has; fix: give (points, triangles), or [3] * len(triangles) as counts")
+    return contiguous_array(counts, np.int32, -1), contiguous_array(indices, np.int32, -1)
+
+
 def real_array(value, *shape):
     """value as a contiguous array of that shape, float32 where it is float32, as files hold it, else float64: nobody's doubles
     are rounded. None stays None. Raises WrongArray as `as_numbers` and `demand_rows` do."""

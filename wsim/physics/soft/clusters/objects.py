@@ -8,7 +8,7 @@ import numpy as np
 from wsim.physics.soft.clusters.groups import cells_of_points, group_starts, kept_groups
 from wsim.scene.bodies import BodyGeometry, Deformable
 from wsim.scene.curve import Motion
-from wsim.scene.values.arrays import contiguous_array, real_array
+from wsim.scene.values.arrays import contiguous_array, polygon_corners, real_array
 
 
 @dataclass(eq=False)
@@ -20,7 +20,7 @@ class Clusters(Deformable):
     points              (n, 3) [m], own frame, float32 or float64
     masses              of each point, (n,) [kg]; None: `mass` in even parts
     mass                of the whole body [kg]; used where masses is None
-    counts              corners of each polygon of a surface, (faces,); none: it is a cloud of points
+    counts              corners of each polygon of a surface, (faces,), or its triangles (t, 3); none: it is a cloud of points
     indices             point of each corner, (sum of counts,)
     stiffness           force on a point over its mass and its distance from the matched shape [1/s^2]: a cluster alone vibrates
                         at its square root [rad/s]; inf: rigid
@@ -74,7 +74,7 @@ class Clusters(Deformable):
 
     def __post_init__(self):
         self.points, self.masses = real_array(self.points, -1, 3), real_array(self.masses, -1)
-        self.counts, self.indices = contiguous_array(self.counts, np.int32, -1), contiguous_array(self.indices, np.int32, -1)
+        self.counts, self.indices = polygon_corners(self.path, self.counts, self.indices)
         self.sizes, self.members = contiguous_array(self.sizes, np.int32, -1), contiguous_array(self.members, np.int32, -1)
         self.velocities, self.rest_points = real_array(self.velocities, -1, 3), real_array(self.rest_points, -1, 3)
 
