@@ -1,14 +1,16 @@
-"""Points that are held hard at two places at once: no position is right for them. NumPy only."""
+"""Points that are held hard at two places at once: no position is right for them. And what keys should move, and no pin holds.
+NumPy only."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from wsim.scene import Deformable, Pin, Problem
+from wsim.scene import Deformable, Pin, Problem, Scene
 from wsim.scene.check.objects import object_warning, thing_error
 
 APART = 1e-4       # of the body's size, by which two places of one point may differ
 TIMES = 64         # at which places are compared, at most
+STILL = 1e-9       # of its numbers, or of 1: a frame that differs by less does not move
 
 
 def check_conflicting_pins(body: Deformable, pins: list[Pin]) -> Iterator[Problem]:
@@ -46,6 +48,21 @@ def check_distant_pin_targets(body: Deformable, pins: list[Pin]) -> Iterator[Pro
             yield object_warning(pin.path, f"{far}, and the body is {size:.3g} m large: the point jumps there at once",
                                  "targets at or near the points' starts",
                                  "author physics:coords1 in the frame of physics:src1, in units of the stage")
+
+
+def check_animated_starts(scene: Scene) -> Iterator[Problem]:
+    """Warns of points whose frame moves by keys, where neither a pin nor a tie lets them follow it: only its start counts."""
+    follow = {pin.body for pin in scene.all_pins()} | {path for tie in scene.ties for path in (tie.body, tie.other)}
+    for thing in [*scene.bodies(), *scene.things("Rods"), *scene.things("MaterialPoints")]:
+        if thing.path in follow or getattr(thing, "pour", None) or not thing.motion.moves:
+            continue
+        end = scene.frames / scene.fps if scene.fps > 0.0 else 0.0
+        times = np.concatenate([np.linspace(0.0, end, 9), [t for t in thing.motion.times if 0.0 < t < end]])
+        poses = np.array([thing.motion.at(float(t)) for t in times])
+        if np.ptp(poses, axis=0).max() > STILL * max(1.0, float(np.abs(poses).max())):
+            yield object_warning(thing.path, "its transform is animated, and nothing pins it: it begins where the animation "
+                                 "starts, and then forces move it", "a transform that stays",
+                                 "give velocities at the start, or a collider or pin that moves")
 
 
 def _pin_check_times(pins: list[Pin]) -> list[float]:

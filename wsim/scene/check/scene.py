@@ -70,7 +70,7 @@ def check_scene(scene: Scene) -> list[Problem]:
         role = row.role("check")
         found += [*check_table_values(thing), *(role.check(thing, scene) if role else ())]
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
-        found += [*_check_support(scene), *_check_sweep_damping(scene)]
+        found += [*_check_support(scene), *_check_sweep_damping(scene), *_check_animated_starts(scene)]
         for body in scene.bodies():
             found += _check_held_points(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
         for row in dict.fromkeys(row for row, _ in each_method_object(scene)):
@@ -234,6 +234,13 @@ def _check_held_points(body: Deformable, pins: list[Pin]) -> list[Problem]:
     points = np.concatenate([p.points for p in pins])
     twice = len(np.unique(points)) < len(points)
     return [*check_distant_pin_targets(body, pins), *(check_conflicting_pins(body, pins) if twice else ())]
+
+
+def _check_animated_starts(scene: Scene) -> Iterator[Problem]:
+    """What keys should move, and nothing holds."""
+    if any(thing.motion.moves for thing in [*scene.bodies(), *scene.things("Rods"), *scene.things("MaterialPoints")]):
+        from wsim.scene.check.pins import check_animated_starts
+        yield from check_animated_starts(scene)
 
 
 def _connected_piece_labels(body: Deformable) -> np.ndarray:
