@@ -151,6 +151,7 @@ class Deformable(PointObject):
     pressure = lift = weld = 0.0
     drag: float | None = 0.0
     rolling_friction: float | None = None
+    rolling_was_chosen = False
     actuation: Curve | None = None
     skins: list = []                     # noqa: RUF012
     rest_points: np.ndarray | None = None

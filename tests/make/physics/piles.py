@@ -9,7 +9,7 @@ R = 0.01                                           # [m]
 MASS = 2600.0 * 4.0 / 3.0 * np.pi * R**3           # of a grain [kg]
 
 
-def filled_box(ratio, buried, substeps=32, iterations=4, rolling=None):
+def filled_box(ratio, buried, substeps=32, iterations=4, rolling=np.inf):
     """300 grains between walls, and a box of `ratio` times the mass of one, on them or within."""
     scene = Scene(fps=60, substeps=substeps, iterations=iterations)
     scene.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.5)

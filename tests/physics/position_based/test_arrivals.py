@@ -197,13 +197,13 @@ def test_a_closed_shape_in_usd_is_filled(tmp_path):
         """)
     scene = wsim.load(tmp_path / "cube.usda", frames=2)
     block = scene.things("Particles")[0]
-    assert len(block.points) == 125 and np.abs(block.points).max() <= 0.025 and np.allclose(block.velocities, (0, 0, 0.2))
+    assert len(block.points) == 128 and np.abs(block.points).max() <= 0.025 and np.allclose(block.velocities, (0, 0, 0.2))
     simulation = wsim.Simulation(scene, device="cpu")
     with simulation.record(tmp_path / "out.usdc"):
         simulation.run(2)
     stage = Usd.Stage.Open(str(tmp_path / "out.usdc"))
     points = UsdGeom.Points(stage.GetPrimAtPath("/Block_drops"))
-    assert len(points.GetPointsAttr().Get(1)) == 125
+    assert len(points.GetPointsAttr().Get(1)) == 128
     wsim.save(scene, tmp_path / "again.usda")
     assert wsim.load(tmp_path / "again.usda", frames=2).things("Particles")[0] == block
 

@@ -12,6 +12,7 @@ from wsim.scene import Scene, SceneError
 from wsim.scene.methods import describe_scene_contents
 
 G = 9.81
+STILL = Grains(rolling_friction=np.inf)          # grains that do not turn
 
 
 def grains_on_floor(points, radius=0.005, mu=0.5, floor=True, precision="float32", **more):
@@ -19,7 +20,7 @@ def grains_on_floor(points, radius=0.005, mu=0.5, floor=True, precision="float32
     scene = Scene(**{"fps": 60, "substeps": 8, "iterations": 4} | more)
     if floor:
         scene.collider("/floor", wsim.Plane(), static_friction=mu, dynamic_friction=mu)
-    scene.particles("/grains", points=points, radius=radius, material=Grains(static_friction=mu, dynamic_friction=mu))
+    scene.particles("/grains", points=points, radius=radius, material=replace(STILL, static_friction=mu, dynamic_friction=mu))
     return wsim.Simulation(scene, device="cpu", precision=precision)
 
 
@@ -70,7 +71,7 @@ def test_thirty_layers_rest_without_overlaps_by_few_iterations(substeps, iterati
         M, x = np.eye(4), np.cross([0, 1, 0], normal)
         M[:3, :3], M[:3, 3] = np.stack([x, np.cross(normal, x), normal], axis=1), -4.4 * r * np.array(normal)
         scene.collider(f"/wall_{i}", wsim.Plane(), motion=wsim.Motion.still(M), static_friction=0.0, dynamic_friction=0.0)
-    scene.particles("/grains", points=points, radius=r)
+    scene.particles("/grains", points=points, radius=r, material=STILL)
     simulation = wsim.Simulation(scene, device="cpu")
     simulation.run(60)
     x, v = simulation.positions(), np.linalg.norm(simulation.velocities(), axis=1)
@@ -94,7 +95,7 @@ def test_a_pile_that_is_pushed_and_squeezed_throws_nothing(substeps, iterations,
     poses[:, 0, 3], poses[:, 1, 3] = -0.1 + speed * times, 0.06
     scene.collider("/box", wsim.Box((0.03, 0.055, 0.06)), motion=wsim.Motion(times, poses))
     points = cube(10, r)[:, [0, 1, 2]] * [1.05, 1.0, 1.05] + [-0.035, 0.0, -0.047]
-    scene.particles("/grains", points=points, radius=r)
+    scene.particles("/grains", points=points, radius=r, material=STILL)
     simulation, fastest = wsim.Simulation(scene, device="cpu"), 0.0
     assert grain_method(simulation).deep == deep
     for _ in range(20):
@@ -108,7 +109,7 @@ def test_a_collision_keeps_momentum_and_what_touches_does_not_close(ratio):
     r = np.array([0.01, 0.01 / ratio])
     scene = Scene(fps=60, substeps=4, iterations=40, gravity=(0, 0, 0))
     scene.particles("/grains", points=[[-0.02, 0, 0], [0.02, 0.3 * r[1], 0]], radius=r, velocities=[[1.0, 0, 0], [-2.0, 0, 0]],
-                    material=Grains(static_friction=0.0, dynamic_friction=0.0))
+                    material=replace(STILL, static_friction=0.0, dynamic_friction=0.0))
     simulation = wsim.Simulation(scene, device="cpu", precision="float64")
     m, v0 = 2600 * 4 / 3 * np.pi * r**3, np.array([[1.0, 0, 0], [-2.0, 0, 0]])
     simulation.run(6)

@@ -223,7 +223,7 @@ def loaded(kind, ratio, **more):
     scene.pin("/pin", other, held)
     q = np.stack(np.meshgrid(np.arange(4), [0], np.arange(4), indexing="ij"), -1).reshape(-1, 3)
     scene.particles("/p", points=2.1 * R * (q - [1.5, 0, 1.5]) + [0.003, 0.0115, 0.002], radius=R,
-                    material=Grains(density=ratio * 2e-3 / (4 / 3 * np.pi * R**3)))
+                    material=Grains(density=ratio * 2e-3 / (4 / 3 * np.pi * R**3), rolling_friction=np.inf))
     return scene
 
 

@@ -77,8 +77,8 @@ def make_scene(kind: str, partner: str, held: bool) -> wsim.Scene:
     k = np.stack(np.meshgrid(*([np.arange(2)] * 3 if not held else (np.arange(2), np.arange(1), np.arange(4))),
                              indexing="ij"), -1).reshape(-1, 3)
     x = 2.1 * R * (k - 0.5 * k.max(axis=0)) + [0.003, R + THICK + (0.001 if held else 0.02), 0.002]
-    smooth = Grains(static_friction=0.0, dynamic_friction=0.0)
-    scene.particles("/p", points=x, radius=R, material="fluid" if kind == "fluid" else Grains() if held else smooth,
+    still, smooth = Grains(rolling_friction=np.inf), Grains(static_friction=0.0, dynamic_friction=0.0, rolling_friction=np.inf)
+    scene.particles("/p", points=x, radius=R, material="fluid" if kind == "fluid" else still if held else smooth,
                     velocities=np.tile(np.array([0.05, -1.0, 0.1]) * (not held), (8, 1)))
     return scene
 

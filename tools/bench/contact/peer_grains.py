@@ -22,6 +22,7 @@ import numpy as np
 import warp as wp
 
 import wsim
+from wsim.physics.position_based.objects import Grains
 
 RADIUS, DENSITY, MU, FPS = 0.004, 2600.0, 0.5, 60
 RELAXED = 0.9          # Newton's default
@@ -46,7 +47,7 @@ def wsim_side(x: np.ndarray, substeps: int, iterations: int, device: str) -> Sid
     """wsim's grains."""
     scene = wsim.Scene(fps=FPS, substeps=substeps, iterations=iterations)
     scene.collider("/floor", wsim.Plane(), static_friction=MU, dynamic_friction=MU)
-    scene.particles("/grains", points=x, radius=RADIUS)
+    scene.particles("/grains", points=x, radius=RADIUS, material=Grains(rolling_friction=np.inf))     # as Newton's are
     simulation = wsim.Simulation(scene, device=device)
     return lambda: simulation.run(1), simulation.positions, simulation.velocities
 

@@ -1,7 +1,8 @@
-"""Heaps of grains, tanks and drops of fluid by constraints; python -m tools.bench.soft.particles heap|tank|basin|drop ...
+"""Heaps of grains, tanks and drops of fluid by constraints; python -m tools.bench.soft.particles heap|pour|tank|basin|drop ...
 
     heap RADIUS_OF_COLUMN FRAMES SUBSTEPS ITERATIONS [ROLLING]    a column twice as high as wide collapses; mu = 0.5, grains of
                                                                   8 mm, which turn where ROLLING says their rolling friction
+    pour FRICTION ROLLING                                 1033 grains of 8 mm fall on a spot in 3.6 s; ROLLING may be inf
     tank PARTICLES_ACROSS FRAMES SUBSTEPS ITERATIONS      water at rest between walls of no friction, as deep as wide
     basin PARTICLES_ACROSS LAYERS SUBSTEPS ITERATIONS     a lattice between such walls, that sloshes: frames 27 to 46, of which
                                                           the columns are wall time and CPU time (median) and density error
@@ -20,15 +21,17 @@ import numpy as np
 import wsim
 from wsim.kernels.position_based import density, tension
 from wsim.model.compiler.core_team import count_cores
-from wsim.physics.position_based.objects import ConstraintFluid, Grains
+from wsim.physics.position_based.objects import ConstraintFluid, Grains, Pour
 
 
-def heap(radius: float, frames: int, substeps: int, iterations: int, rolling: float | None = None) -> None:
-    """Prints a line every half second."""
+def heap(radius: float, frames: int, substeps: int, iterations: int, rolling: float = np.inf) -> None:
+    """Prints a line every half second. It begins on a cubic lattice, whose towers do not fall by themselves."""
     scene = wsim.Scene(fps=60, substeps=substeps, iterations=iterations)
     scene.collider("/floor", wsim.Plane())
-    upright = wsim.Motion.still([[1, 0, 0, 0], [0, 0, 1, 2 * radius + 0.005], [0, -1, 0, 0], [0, 0, 0, 1]])
-    scene.particles("/grains", wsim.Cylinder(radius, 2 * radius), motion=upright, radius=0.004,
+    across, up = np.arange(-20, 21) * 0.0088, np.arange(int((4 * radius - 0.0088) / 0.0088) + 1) * 0.0088 + 0.0094
+    x = np.stack(np.meshgrid(across, up, across, indexing="ij"), -1).reshape(-1, 3)
+    x = x[np.hypot(x[:, 0], x[:, 2]) < radius - 0.0044]
+    scene.particles("/grains", points=x + 0.0004 * np.random.default_rng(0).uniform(-1.0, 1.0, x.shape), radius=0.004,
                     material=Grains(rolling_friction=rolling))
     simulation = wsim.Simulation(scene, device="cpu")
     print(f"{len(simulation.positions())} grains, {substeps} x {iterations}")
@@ -47,6 +50,22 @@ def heap(radius: float, frames: int, substeps: int, iterations: int, rolling: fl
             print(f"{frame / 60:6.1f} s  {1e3 * spent / 30:6.1f} ms  v {v.max():.1e} m/s  overlap {overlap:.1e}  slope "
                   f"{slope:.2f}  moved {np.abs(x - before).max():.1e} m", flush=True)
             spent, before = 0.0, x.copy()
+
+
+def pour(mu: float, rolling: float) -> None:
+    """Prints a line after 5 s: the slope of a cone of the same mean height and mean distance from its axis."""
+    scene, r = wsim.Scene(fps=60, frames=300, substeps=8, iterations=4), 0.004
+    scene.collider("/floor", wsim.Plane(), static_friction=1.0, dynamic_friction=1.0)
+    down = wsim.Motion.still([[1, 0, 0, 0], [0, 0, 1, 0.12], [0, -1, 0, 0], [0, 0, 0, 1]])
+    grains = Grains(static_friction=mu, dynamic_friction=mu, rolling_friction=rolling)
+    scene.particles("/grains", wsim.Cylinder(0.02, 0.006), motion=down, radius=r, velocity=(0, 0, -0.4), material=grains,
+                    pour=Pour(0.0, 3.6, 0.2))
+    simulation, start = wsim.Simulation(scene, device="cpu"), time.process_time()
+    simulation.run()
+    x, v = simulation.positions("/grains"), simulation.velocities("/grains")
+    slope = 4.0 * (x[:, 1].mean() - r) / (2.0 * np.hypot(x[:, 0], x[:, 2]).mean())
+    spent = 1e3 * (time.process_time() - start) / 300
+    print(f"{len(x)} grains, mu {mu}, rolling {rolling}  {spent:.1f} ms  slope {slope:.2f}  v {np.abs(v).max():.1e} m/s")
 
 
 def tank(across: int, frames: int, substeps: int, iterations: int) -> None:
@@ -170,6 +189,6 @@ def virial_pressures(method, x: np.ndarray, sigma: float = 0.0) -> np.ndarray:
 if __name__ == "__main__":
     name, *given = sys.argv[1:]
     run, kinds = {"heap": (heap, (float, int, int, int, float)[:len(given)]), "tank": (tank, (int, int, int, int)),
-                  "basin": (basin, (int, int, int, int)),
+                  "basin": (basin, (int, int, int, int)), "pour": (pour, (float, float)),
                   "drop": (drop, (float, float, int, int))}[name]
     run(*(kind(each) for kind, each in zip(kinds, given, strict=True)))

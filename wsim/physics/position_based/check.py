@@ -128,7 +128,7 @@ def _check_material(thing: Particles) -> Iterator[Problem]:
         return
     yield from check_number(path, "density", m.density, 0.0, True)
     for f in fields(m):
-        if f.name != "density" and not (f.name == "rolling_friction" and getattr(m, f.name) is None):
+        if f.name != "density" and not (f.name == "rolling_friction" and getattr(m, f.name) in (None, inf)):
             yield from check_number(path, f.name, getattr(m, f.name), 0.0)
     if getattr(m, "smoothing", 0.0) > SMOOTHEST:
         yield thing_error(path, f"smoothing is {m.smoothing:g}", f"0 to {SMOOTHEST:g}", "author viscosity for a thick fluid")

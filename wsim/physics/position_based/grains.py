@@ -17,6 +17,7 @@ from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
 from wsim.physics.position_based.meeting import ball_groups, ball_radii, meeting_bodies
 from wsim.physics.position_based.neighbours import NeighbourSearch, ParticleLaunches, SearchedPoints
+from wsim.physics.position_based.objects import TURNING
 from wsim.scene import Problem
 
 if TYPE_CHECKING:
@@ -131,8 +132,12 @@ class GrainContacts(Method):
         """Turns of grains; None where none turns, as beside Newton's method."""
         turning = [body.path for body in self.bodies if body.source.rolling_friction is not None]
         if turning and b.choice.solver == "implicit":
-            said = "its grains do not turn, as Newton's method solves for contacts; take XPBD, or no rolling_friction"
-            self.offers.start_warnings += [Problem(path, said, fatal=False) for path in dict.fromkeys(turning)]
+            said = "its grains do not turn, as Newton's method solves for contacts; take XPBD, or rolling_friction=inf"
+            asked = [body.path for body in self.bodies if body.path in turning and not body.source.rolling_was_chosen]
+            self.offers.start_warnings += [Problem(path, said, fatal=False) for path in dict.fromkeys(asked)]
+        many = [body.path for body in self.bodies if body.source.rolling_was_chosen and body.path not in turning]
+        said = f"its grains do not turn, as there are more than {TURNING}: heaps keep steep sides; give rolling_friction"
+        self.offers.start_warnings += [Problem(path, said, fatal=False) for path in dict.fromkeys(many)]
         if not turning or b.choice.solver == "implicit":
             return None
         from wsim.physics.position_based.rolling import RollingContacts

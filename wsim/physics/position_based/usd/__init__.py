@@ -10,7 +10,8 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.physics.contact.collider.cloud_usd import author_source_shape, has_source_shape, load_source_shape
 from wsim.physics.particles.pouring import Pour
-from wsim.physics.position_based.objects import MATERIALS, Particles, fill_with_particles
+from wsim.physics.position_based.filling import fill_with_particles
+from wsim.physics.position_based.objects import MATERIALS, Particles
 from wsim.physics.position_based.usd.physx import PhysxHints, read_physx_hints
 from wsim.scene import Plane, SceneError
 from wsim.usd import names
