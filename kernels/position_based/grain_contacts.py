@@ -63,7 +63,7 @@ def gather_kernel(real, module):
 
 
 @cache
-def overlap_kernel(real, module):
+def overlap_kernel(rigid: bool, real, module):
     """Kernel over places: `back`, and the greatest overlap into `deepest`. most: of `back` [m]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
     answers = answer_func(real)
@@ -100,11 +100,14 @@ def overlap_kernel(real, module):
             size = wp.length(back)
             if size > most:
                 back *= most / size
+        if wp.static(rigid):
+            if g.piece[c.order[k]] >= 0:             # the others of its body would bring it back, and so throw the body
+                back = t.vec3()
         g.back[k] = back
         if deepest > real(TOLD):
             wp.atomic_max(g.deepest, 0, int(real(1.0e6) * deepest))
 
-    return kernel_over_cores(measure_overlaps, f"grains_overlap_{t.name}", module)
+    return kernel_over_cores(measure_overlaps, f"grains_overlap{'_rigid' * rigid}_{t.name}", module)
 
 
 @cache
@@ -185,11 +188,28 @@ def force_before_func(real):
 
 
 @cache
-def contact_kernel(shares: bool, real, module):
+def parting_func(rigid: bool, real):
+    """Function (g, p, o, gap, R) -> what a contact parts in a substep [m], below 0: beyond DEEP, of a rigid cluster, whose
+    points are not moved alone, beyond SLOP."""
+    S = grain_structs(real)
+
+    @wp.func
+    def part_deep_pair(g: S.GrainTable, p: int, o: int, gap: real, R: real):
+        left = real(DEEP)
+        if wp.static(rigid):
+            if g.piece[p] >= 0 or g.piece[o] >= 0:
+                left = real(SLOP)
+        return wp.max(real(PARTED) * wp.min(gap + left * R, real(0.0)), -real(QUICK) * R)
+
+    return part_deep_pair
+
+
+@cache
+def contact_kernel(shares: bool, rigid: bool, real, module):
     """Kernel over places: contacts, their normals and gaps, and the impulses that the forces of the substep before give in this
     one; h [s]."""
     t, N, S, normal = types(real), neighbour_structs(real), grain_structs(real), pair_normal_func(real)
-    answers, solve = answer_func(real), pair_impulse_func(real)
+    answers, solve, parting = answer_func(real), pair_impulse_func(real), parting_func(rigid, real)
     listing, force_before = pair_listing_func(real), force_before_func(real)
 
     def start_grain_contacts(c: N.CellTable, lists: N.PairLists, g: S.GrainTable, q: S.GrainContacts, before: S.GrainForces,
@@ -221,7 +241,7 @@ def contact_kernel(shares: bool, real, module):
             R = c.reach[k] + c.reach[other]
             gap = D - R
             b = wp.max(gap, real(0.0))
-            b += share * wp.max(real(PARTED) * wp.min(gap + real(DEEP) * R, real(0.0)), -real(QUICK) * R)
+            b += share * parting(g, p, q.id[slot], gap, R)
             q.n[slot] = n
             q.b[slot] = b
             q.L[slot] = L
@@ -238,7 +258,7 @@ def contact_kernel(shares: bool, real, module):
         d_out[g.point[k]] = d_out[g.point[k]] + g.inverse[k] * given
         g.split[k] = pressed * g.inverse[k]
 
-    return kernel_over_cores(start_grain_contacts, f"grains_contact{'_shares' * shares}_{t.name}", module)
+    return kernel_over_cores(start_grain_contacts, f"grains_contact{'_shares' * shares}{'_rigid' * rigid}_{t.name}", module)
 
 
 @cache

@@ -41,6 +41,9 @@ def grain_structs(real) -> SimpleNamespace:
     @wp.struct
     class GrainTable:
         friction: wp.array(dtype=t.vec2)   # static, dynamic, by p
+        piece: wp.array(dtype=int)         # rigid cluster that a point belongs to, -1: none, by p
+        whole: wp.array(dtype=t.scalar)    # inverse mass of it along any direction at that point, at most [1/kg], by p
+        pressed: wp.array(dtype=int)       # contacts that press a rigid cluster, by cluster
         w: wp.array(dtype=t.scalar)        # inverse mass of points of the state
         point: wp.array(dtype=int)         # place among the points of the state, by k
         inverse: wp.array(dtype=t.scalar)  # inverse mass by k [1/kg]

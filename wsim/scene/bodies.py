@@ -144,10 +144,11 @@ class Deformable(PointObject):
     A class gives fields, or other values, where it differs. model: in-plane elasticity, of what has several.
     collides_as_grains: its points are balls of their reach, which touch those of others and each other.
     meets_as_balls: its points touch others as balls of their reach, and surfaces that collide as points beside triangles.
-    is_fluid: constraints keep the density of its points. rolling_friction: of balls that turn [1]; None: they do not."""
+    is_fluid: constraints keep the density of its points. is_rigid_cluster: its clusters are rigid.
+    rolling_friction: of balls that turn [1]; None: they do not. rolling_was_chosen: nobody gave it."""
 
     model = ""
-    self_collision = tethers = quadratic = collides_as_grains = is_fluid = meets_as_balls = False
+    self_collision = tethers = quadratic = collides_as_grains = is_fluid = meets_as_balls = is_rigid_cluster = False
     pressure = lift = weld = 0.0
     drag: float | None = 0.0
     rolling_friction: float | None = None

@@ -4,10 +4,13 @@ Backward Euler evaluates forces at the end of a substep, x' = x + h v', v' = v~ 
 Forces without torque about x' still change the angular momentum: sum m x' x v' = sum m x x v~ + h sum m v' x v~. A body that
 spins by omega loses (h omega)^2 / 2 of it in each substep. What it has lost is known, whatever forces and contacts acted:
 
-    L = h sum m (v' - V') x (v~ - V~),     I = sum m (|r|^2 - r r^T),     omega = I^-1 (-L),     v' <- v' + omega x r
+    L = h sum m (v' - V') x (v* - V*),     I = sum m (|r|^2 - r r^T),     omega = I^-1 (-L),     v' <- v' + omega x r
 
-V the velocity of the centre, r the place from it. The linear momentum stays. Bodies with pinned points are left alone, and
-those of points in a line. Sums are in float64 in a fixed order: chunks of a body, then its chunks.
+V the velocity of the centre, r the place from it. v* = v' - w lam / h is the velocity without the clusters: with it, contacts
+have the torque that they have where the substep begins, as between free points, and two bodies that meet keep what they have
+together. Rigid clusters that colliders move as a whole have v* = v~: such contacts act where the substep ends. The linear
+momentum stays. Bodies with pinned points are left alone, and those of points in a line. Sums are in float64 in a fixed
+order: chunks of a body, then its chunks.
 """
 
 from functools import cache
@@ -31,7 +34,10 @@ def spin_sums(real):
         first: wp.array(dtype=int)                # chunks of a body: first[b] .. first[b + 1], (bodies + 1,)
         owner: wp.array(dtype=int)                # body of each member, (members,)
         w: wp.array(dtype=t.scalar)               # inverse masses [1/kg], (points,)
-        before: wp.array(dtype=t.vec3)            # v~ [m/s], (members,)
+        before: wp.array(dtype=t.vec3)            # v* [m/s], (members,)
+        entry: wp.array(dtype=int)                # entries of a member: entry[j] .. entry[j + 1], (members + 1,)
+        held: wp.array(dtype=int)                 # its places in the clusters' members, (entries,)
+        whole: wp.array(dtype=int)                # 1: v* = v~, (bodies,)
         sums: wp.array2d(dtype=wp.mat44d)         # of each chunk, (2, chunks)
         centre: wp.array(dtype=wp.vec3d)          # of each body [m], (bodies,)
         omega: wp.array(dtype=wp.vec3d)           # of each body [rad/s], (bodies,)
@@ -58,6 +64,25 @@ def predicted_velocity_kernel(real, module):
         v_out[j] = (d[p] - a[p]) / h
 
     return keep_predicted_velocity
+
+
+@cache
+def free_velocity_kernel(real, module):
+    """Kernel over members: v* of those that are not moved as a whole; lam [kg m], of the clusters' members."""
+    t, Sums = types(real), spin_sums(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def find_free_velocity(b: Sums, v: wp.array(dtype=t.vec3), lam: wp.array(dtype=t.vec3), h: real,
+                           v_out: wp.array(dtype=t.vec3)):
+        j = wp.tid()
+        if b.whole[b.owner[j]] == 0:
+            p = b.point[j]
+            held = t.vec3()
+            for e in range(b.entry[j], b.entry[j + 1]):
+                held += lam[b.held[e]]
+            v_out[j] = v[p] - (b.w[p] / h) * held
+
+    return find_free_velocity
 
 
 @cache

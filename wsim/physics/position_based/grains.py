@@ -11,11 +11,12 @@ import numpy as np
 from wsim.kernels.math.real import types
 from wsim.kernels.position_based import grain_contacts as pairs
 from wsim.kernels.position_based import grains as kernels
+from wsim.kernels.position_based import rigid_clouds
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import StateField, StatePart
 from wsim.model.status import FrameStatus
 from wsim.model.structs import fill_struct
-from wsim.physics.position_based.meeting import ball_groups, ball_radii, meeting_bodies
+from wsim.physics.position_based.meeting import ball_groups, ball_radii, meeting_bodies, rigid_pieces
 from wsim.physics.position_based.neighbours import NeighbourSearch, ParticleLaunches, SearchedPoints
 from wsim.physics.position_based.objects import TURNING
 from wsim.scene import Problem
@@ -79,7 +80,9 @@ class GrainContacts(Method):
         self.model, self.state, self.points, self.status = b.model, b.state, b.ports.points, b.status
         self.bodies = meeting_bodies(b.model)
         self.path = _paths_of_grains(self.bodies)
-        launches = self.launches = ParticleLaunches(b.model, "grains")
+        piece, whole = rigid_pieces(self.bodies)
+        self.rigid_count = int(piece.max(initial=-1)) + 1
+        launches = self.launches = ParticleLaunches(b.model, "grains", *["rigid"] * (self.rigid_count > 0))
         radii, coarse = ball_radii(self.bodies)
         points = SearchedPoints.of(self.bodies, radii, ball_groups(self.bodies))
         said = "is a mesh too coarse to stop the smallest particles; give it more points, or larger particles"
@@ -91,41 +94,43 @@ class GrainContacts(Method):
         real, zeros = b.model.real, launches.zeros
         t, S = types(real), kernels.grain_structs(real)
         friction = np.concatenate([np.tile(body.friction, (body.count, 1)) for body in self.bodies])
-        self.table = fill_struct(S.GrainTable, friction=b.model.upload(friction.astype(b.model.dtype), t.vec2),
+        upload, dtype = b.model.upload, b.model.dtype
+        self.table = fill_struct(S.GrainTable, piece=upload(piece, int), pressed=zeros(self.rigid_count, int),
+                                 whole=upload(whole.astype(dtype), real), friction=upload(friction.astype(dtype), t.vec2),
                                  w=self.points.constants.w, y=zeros(n, t.vec3), u=zeros(n, t.vec3), split=zeros(n),
                                  rub=zeros(n, t.vec2), back=zeros(n, t.vec3), up=zeros(n, t.vec4), held=zeros(n, t.vec4),
                                  rise=zeros(n), felt=zeros(n, t.vec2), inverse=zeros(n), point=zeros(n, int),
                                  fast=zeros(1, int), deepest=zeros(1, int))
-        self.structs: Any = S
-        self.touched: Any = None
+        self.structs, self.touched = S, None              # type: Any, Any
         self.part, self.rolling = StatePart("grains", 0, 0), self._make_rolling(b)         # None: no grain turns
         self._make_contacts(TOUCHED)
         b.state.add(self.part)
         rate = b.scene.fps * b.clock.substeps * b.clock.iterations
         swept = ROLLED if self.rolling else SWEPT if friction.min() >= RUBBED else SMOOTH
         self.deep = stands_deep(points, b.scene.gravity, rate, swept)
-        most = most_share(points, b.scene.gravity, rate) if self.deep and not self.rolling else 0.0   # rolling.py knows of none
-        self.most_share, shares = most, most > 0.0
+        # rolling.py knows of no shares
+        most = self.most_share = most_share(points, b.scene.gravity, rate) if self.deep and not self.rolling else 0.0
         self.support_part = StatePart.allocate("grain support", SUPPORT, n, real, b.model.device)
         self.support_part.rows = _rows_of_bodies(self.bodies)
         self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)
         b.state.add(self.support_part)
-        self.kernels = self._make_kernels(shares)
+        self.kernels = self._make_kernels(most > 0.0)
         for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
             b.status.reserve(word)
-        size = n * np.dtype(b.model.dtype).itemsize
-        self.stages += [Stage("grain contacts", "collide", self.find, self.search.launch_count + 4, 50 * size,
-                              what=f"{n} grains"),
+        size, calls = n * np.dtype(dtype).itemsize, self.search.launch_count + 4
+        self.stages += [Stage("grain contacts", "collide", self.find, calls, 50 * size, what=f"{n} grains"),
                         Stage("grains", "solve", self.solve, 2, 120 * size, "iteration", f"contacts of {n} grains"),
                         Stage("grain forces", "finish", self.keep, 1, 100 * size, what="for the next substep")]
 
     def _make_kernels(self, shares: bool) -> dict[str, Any]:
         """Those of this scene, by name. shares: what stands on grains is felt in part."""
+        rigid = self.rigid_count > 0
         makers: dict[str, Any] = {
-            "gather": pairs.gather_kernel, "overlap": pairs.overlap_kernel, "apart": pairs.stabilize_kernel,
-            "contact": partial(pairs.contact_kernel, shares), "motion": kernels.motion_kernel,
+            "gather": pairs.gather_kernel, "overlap": partial(pairs.overlap_kernel, rigid), "apart": pairs.stabilize_kernel,
+            "contact": partial(pairs.contact_kernel, shares, rigid), "motion": kernels.motion_kernel,
             "solve": partial(kernels.grain_solve_kernel, shares),
-            "force": partial(pairs.force_kernel, self.deep, shares)}
+            "force": partial(pairs.force_kernel, self.deep, shares),
+            **({"count": rigid_clouds.rigid_count_kernel, "rigid": rigid_clouds.rigid_split_kernel} if rigid else {})}
         return {name: make(self.model.real, self.launches.module) for name, make in makers.items()}
 
     def _make_rolling(self, b: Build) -> Any:
@@ -169,6 +174,7 @@ class GrainContacts(Method):
         if others.ports.newton_sweeps is not None:
             others.ports.newton_sweeps.append(self.solve)
             self.stages = [stage for stage in self.stages if stage.name != "grains"]
+        self.shapes = others.ports.shape_matching
         if self.rolling:
             self.rolling.connect_ports(others)
         if (contact := others.ports.contact) is not None:
@@ -185,14 +191,26 @@ class GrainContacts(Method):
         self._run("gather", [rows, cells, table, self.points.constants, self.support, s.x, s.d, self.points.anchor], [])
         self._run("overlap", [cells, lists, table, self.most], [])
         self._run("apart", [table], [s.x])
+        if self.rigid_count:
+            self.table.pressed.zero_()
         self._run("contact", [cells, lists, table, touched, self.forces, self.support, clock.h], [s.d])
+        if self.rigid_count:
+            self._run("count", [cells, table], [])
+            self._run("rigid", [cells, table], [])
         if self.rolling:
             self.rolling.start(clock)
 
     def solve(self, clock: Clock) -> None:
         """One iteration of all contacts."""
         if self.rolling:
-            return self.rolling.solve(clock)
+            self.rolling.solve(clock)
+        else:
+            self._solve_still(clock)
+        if self.rigid_count and self.shapes is not None:
+            self.shapes.project_shapes(clock)
+
+    def _solve_still(self, clock: Clock) -> None:
+        """An iteration of grains of which none turns."""
         self._run("motion", [self.table, self.state.d, self.points.anchor], [])
         self._run("solve", [self.table, self.touched], [self.state.d])
 

@@ -8,6 +8,7 @@ The points of a body do not touch each other so: cloth has self-contact, a fluid
 
 import numpy as np
 
+from wsim.geometry import topology
 from wsim.model.model import Model, PointBody
 from wsim.scene.nodal.touching import bodies_that_touch_as_balls
 
@@ -62,3 +63,24 @@ def _hole_radii(body: PointBody) -> np.ndarray:
         apart = np.linalg.norm(some[:, None] - rest[None], axis=-1)
         found[:] = np.median(np.partition(apart, 1, axis=1)[:, 1]) / np.sqrt(2.0)
     return found
+
+
+def rigid_pieces(bodies: list[PointBody]) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the rigid cluster of each point of the bodies, -1: none, (points,); and the inverse mass [1/kg] that it shows
+    there along any direction, at most: 1 / M + |r|^2 / I_least, with r from its centre. Clusters that share points are one."""
+    pieces, wholes, found = [], [], 0
+    for body in bodies:
+        piece, whole = np.full(body.count, -1, np.int32), np.zeros(body.count)
+        if body.source.is_rigid_cluster:
+            label = np.empty(body.count, np.int64)
+            label[body.index - body.first] = topology.labels_of_islands(body.count, body.source.held_points()[0])
+            for own in (np.flatnonzero(label == each) for each in np.unique(label)):
+                m, r = body.masses[own].astype(np.float64), body.rest[own].astype(np.float64)
+                r = r - m @ r / m.sum()
+                inertia = np.eye(3) * (m @ (r**2).sum(axis=1)) - (m[:, None] * r).T @ r
+                piece[own] = found
+                whole[own] = 1.0 / m.sum() + (r**2).sum(axis=1) / max(np.linalg.eigvalsh(inertia)[0], 1e-30)
+                found += 1
+        pieces.append(piece)
+        wholes.append(whole)
+    return np.concatenate(pieces), np.concatenate(wholes)

@@ -68,7 +68,7 @@ class ShapeMatching(Method):
         self.spin: Any = None
         if b.clock.integrator.name == "backward_euler":
             from wsim.physics.soft.clusters.spin import SpinReturn
-            self.spin = SpinReturn(model, b.state, b.ports.points, self.table)
+            self.spin = SpinReturn(model, b.state, b.ports.points, self.table, self.lam)
             self.stages += self.spin.stages
         if self.damps:
             self.add_damping()
@@ -90,6 +90,8 @@ class ShapeMatching(Method):
             from wsim.physics.soft.clusters.rigid_contacts import RigidClusterContacts, whole_clusters
             if (whole := whole_clusters(self)).any():
                 self.rigid = RigidClusterContacts(self, contact, whole)
+                if self.spin:
+                    self.spin.leave_whole(whole)
 
     def add_damping(self) -> None:
         """Stage that damps velocities."""
@@ -164,7 +166,13 @@ class ShapeMatching(Method):
         self.model.zero(self.lam)
 
     def project(self, clock: Clock) -> None:
-        """One projection of each cluster, colour by colour, and contacts of rigid ones."""
+        """One projection of each cluster, and contacts of rigid ones."""
+        self.project_shapes(clock)
+        if self.rigid and not clock.free:
+            self.rigid.project(clock)
+
+    def project_shapes(self, clock: Clock) -> None:
+        """One projection of each cluster, colour by colour."""
         s, rate, table = self.state, 1.0 / clock.effective_step, self.table
         for begin, end in zip(table.starts[:-1].tolist(), table.starts[1:].tolist(), strict=True):
             if not self.shares:
@@ -176,8 +184,6 @@ class ShapeMatching(Method):
             self.blocks(self.fit, end - begin, [begin, first, self.moments], [self.pose])
             j, last = int(table.first[begin]), int(table.first[end])
             self.spread(self.move, last - j, [self.data, j, rate, s.x, self.lam], [s.d, self.pose])
-        if self.rigid and not clock.free:
-            self.rigid.project(clock)
 
     def spread(self, kernel, count: int, inputs: list, outputs: list) -> None:
         """Launches so many threads, in blocks of the module's size."""

@@ -94,6 +94,11 @@ class Clusters(Deformable):
         return self.self_collision and not len(self.counts)
 
     @property
+    def is_rigid_cluster(self) -> bool:                                # type: ignore[override]
+        """See `Deformable`."""
+        return self.stiffness == inf
+
+    @property
     def has_surface(self) -> bool:
         """See `Deformable`."""
         return len(self.counts) > 0

@@ -17,10 +17,10 @@ BLOCK = 128            # threads that sum a chunk on a GPU
 
 class SpinReturn:
     """Keeps predicted velocities, and corrects those at the end of a substep. Clusters that share points are one body here;
-    bodies with pinned points are left alone."""
+    bodies with pinned points are left alone. lam: multipliers of the clusters' members [kg m]."""
 
-    def __init__(self, model: Model, state, points, table: ClusterTable):
-        self.model, self.state, self.points = model, state, points
+    def __init__(self, model: Model, state, points, table: ClusterTable, lam: wp.array):
+        self.model, self.state, self.points, self.lam, self.table = model, state, points, lam, table
         members = pieces_of_clusters(model, table)
         first = group_starts(np.array([len(m) for m in members]))
         chunk, ends = chunk_starts(first, CHUNK)
@@ -33,15 +33,31 @@ class SpinReturn:
             point=upload(np.concatenate(members).astype(np.int32), int), chunk=upload(chunk.astype(np.int32), int),
             first=upload(ends.astype(np.int32), int),
             owner=upload(np.repeat(np.arange(len(members)), np.diff(first)).astype(np.int32), int),
+            whole=wp.zeros(len(members), dtype=int, device=device), **self.entries(np.concatenate(members)),
             before=wp.zeros(self.count, dtype=types(real).vec3, device=device),
             sums=wp.zeros((2, self.chunks), dtype=wp.mat44d, device=device),
             centre=wp.zeros(len(members), dtype=wp.vec3d, device=device),
             omega=wp.zeros(len(members), dtype=wp.vec3d, device=device))
-        self.keep, self.sum, self.find, self.give = (make(real, module) for make in (
-            kernels.predicted_velocity_kernel, kernels.chunk_spin_kernel, kernels.body_spin_kernel, kernels.spin_return_kernel))
+        self.members = members
+        self.keep, self.free, self.sum, self.find, self.give = (make(real, module) for make in (
+            kernels.predicted_velocity_kernel, kernels.free_velocity_kernel, kernels.chunk_spin_kernel,
+            kernels.body_spin_kernel, kernels.spin_return_kernel))
         size = self.count * np.dtype(model.dtype).itemsize
         self.stages = [Stage("predicted spin", "collide", self.keep_velocities, 1, 9 * size, what=f"{self.bodies} bodies"),
-                       Stage("spin", "finish", self.give_back, 3, 18 * size, what="angular momentum that Euler's steps take")]
+                       Stage("spin", "finish", self.give_back, 4, 18 * size, what="angular momentum that Euler's steps take")]
+
+    def entries(self, point: np.ndarray) -> dict:
+        """Which members of the clusters each point is."""
+        order = np.argsort(self.table.point, kind="stable")
+        ends = np.searchsorted(self.table.point[order], np.stack([point, point + 1]))
+        first = group_starts(ends[1] - ends[0])
+        held = np.concatenate([order[a:b] for a, b in ends.T.tolist()])
+        return {"entry": self.model.upload(first.astype(np.int32), int), "held": self.model.upload(held.astype(np.int32), int)}
+
+    def leave_whole(self, whole: np.ndarray) -> None:
+        """Bodies of these clusters (clusters,) bool are moved by colliders as a whole."""
+        points = self.table.point[np.repeat(whole, self.table.sizes)]
+        self.sums.whole.assign(np.array([np.isin(own[0], points) for own in self.members], np.int32))
 
     def blocks(self, kernel, count: int, inputs: list, outputs: list) -> None:
         """Launches a block of threads for each of so many; on a CPU a thread."""
@@ -62,6 +78,7 @@ class SpinReturn:
 
     def give_back(self, clock: Clock) -> None:
         s = self.state
+        self.over(self.free, [self.sums, s.v, self.lam, float(clock.effective_step)], [self.sums.before])
         self.blocks(self.sum, self.chunks, [self.sums, s.x, s.v], [])
         self.blocks(self.find, self.bodies, [self.sums, clock.effective_step], [])
         self.over(self.give, [self.sums, s.x], [s.v])
