@@ -107,7 +107,7 @@ def test_a_net_under_grains_is_strained_as_said(ratio, substeps, iterations):
     scene.pin("/pin", net, np.flatnonzero((k % 8 == 0).any(axis=1)))
     q = np.indices((4, 4)).reshape(2, -1).T - 1.5
     scene.particles("/grains", points=np.stack([0.003 + 0.021 * q[:, 0], np.full(16, 0.0115), 0.002 + 0.021 * q[:, 1]], axis=1),
-                    radius=0.01, material=Grains(density=ratio * 2e-3 / (4.0 / 3.0 * np.pi * 0.01**3)))
+                    radius=0.01, material=Grains(density=ratio * 2e-3 / (4.0 / 3.0 * np.pi * 0.01**3), rolling_friction=np.inf))
     sim = Simulation(scene, device="cpu")
     (body, said), = sweep_strain._loaded_strains(sim.model, 1.0 / (60.0 * substeps), iterations, hard_places(sim.model))
     sim.run()

@@ -1,10 +1,9 @@
 """Places of particles that fill a shape. NumPy only.
 
-A fluid begins on a cubic lattice of edge 2 r, at which its density is that at rest, each moved at random by up to 0.1 r, so that
-it does not spread along rows. Grains begin on a body-centred one, two
-cubic lattices of edge a of which one has its places in the middles of the other's cubes: as many grains as on a cubic one of
-edge 2.2 r, but none stands straight on the next. A cubic block of grains stands as a wall, one tower beside the other; this
-one falls in a heap.
+A fluid begins on a cubic lattice of edge 2 r, at which its density is that at rest, each moved at random by up to 0.1 r, so
+that it does not spread along rows. Grains begin on a body-centred one, two cubic lattices of edge a of which one has its places
+in the middles of the other's cubes: as many grains as on a cubic one of edge 2.2 r, but none stands straight on the next. A
+cubic block of grains stands as a wall, one tower beside the other; this one falls in a heap.
 
     a = 2^(1/3) 2.2 r = 2.77 r       nearest places: a sqrt(3) / 2 = 2.40 r
 

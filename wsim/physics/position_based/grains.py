@@ -89,9 +89,8 @@ class GrainContacts(Method):
         self.offers.start_warnings = [Problem(path, said, fatal=False) for path in dict.fromkeys(coarse)]
         self.most = pairs.FASTEST * float(points.reach.min())
         self.search = NeighbourSearch(launches, points, SKIN * 2.0 * float(points.reach.max()), NEIGHBOURS, b.ports.arrivals)
-        self.offers.particle_searches = [self.search]
-        self.count = n = self.search.count
-        real, zeros = b.model.real, launches.zeros
+        self.offers.particle_searches, self.count = [self.search], self.search.count
+        n, real, zeros = self.count, b.model.real, launches.zeros
         t, S = types(real), kernels.grain_structs(real)
         friction = np.concatenate([np.tile(body.friction, (body.count, 1)) for body in self.bodies])
         upload, dtype = b.model.upload, b.model.dtype
@@ -108,13 +107,13 @@ class GrainContacts(Method):
         rate = b.scene.fps * b.clock.substeps * b.clock.iterations
         swept = ROLLED if self.rolling else SWEPT if friction.min() >= RUBBED else SMOOTH
         self.deep = stands_deep(points, b.scene.gravity, rate, swept)
-        # rolling.py knows of no shares
-        most = self.most_share = most_share(points, b.scene.gravity, rate) if self.deep and not self.rolling else 0.0
+        shared = self.deep and not self.rolling                                            # rolling.py knows of no shares
+        self.most_share = most_share(points, b.scene.gravity, rate) if shared else 0.0
         self.support_part = StatePart.allocate("grain support", SUPPORT, n, real, b.model.device)
         self.support_part.rows = _rows_of_bodies(self.bodies)
         self.support: Any = fill_struct(S.GrainSupport, **self.support_part.arrays)
         b.state.add(self.support_part)
-        self.kernels = self._make_kernels(most > 0.0)
+        self.kernels = self._make_kernels(self.most_share > 0.0)
         for word in (NEAR_WORD, TOUCH_WORD, FAST_WORD, DEEP_WORD):
             b.status.reserve(word)
         size, calls = n * np.dtype(dtype).itemsize, self.search.launch_count + 4

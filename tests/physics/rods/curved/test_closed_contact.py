@@ -161,7 +161,7 @@ def test_a_ring_that_falls_round_a_column_of_grains_stays_there():
     scene = Scene(fps=60, substeps=8, iterations=4)
     scene.collider("/floor", Plane("Y"), static_friction=0.5, dynamic_friction=0.5)
     scene.particles("/column", points=[[0.0, 0.01 + 0.02 * k, 0.0] for k in range(4)], radius=0.01,
-                    material=Grains(density=8000.0))
+                    material=Grains(density=8000.0, rolling_friction=np.inf))
     x = ring(24, radius=0.04, up=2, at=(0.0, 0.12, 0.0))
     scene.add(Rods("/ring", x, [24], 0.006, young=1e6, density=300.0, damping=0.01, closed=True, self_collision=True,
                    velocities=np.tile([0.3, 0.0, 0.0], (24, 1))))
