@@ -30,11 +30,14 @@ def spoilt(attribute: Usd.Attribute) -> list:
 
 
 def refusals(path) -> tuple[int, int]:
-    """Spoilt values of a stage's attributes that are refused, each for reasons with a path, and those that were tried."""
+    """Spoilt values of a stage's attributes that are refused, each for reasons with a path, and those that were tried: of prims
+    of one type and schemas, which the same code reads, each attribute once."""
     stage = Usd.Stage.Open(str(path))
     stage.SetEditTarget(stage.GetSessionLayer())
     refused = tried = 0
-    for attribute in (a for prim in stage.Traverse() for a in prim.GetAuthoredAttributes()):
+    kinds = {(str(prim.GetTypeName()), *prim.GetAppliedSchemas(), a.GetName()): a for prim in stage.Traverse()
+             for a in prim.GetAuthoredAttributes()}
+    for attribute in kinds.values():
         for value in spoilt(attribute):
             stage.GetSessionLayer().Clear()
             attribute.Set(value)
