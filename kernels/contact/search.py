@@ -29,7 +29,7 @@ from wsim.kernels.contact import collide
 from wsim.kernels.contact.collider.colliders import collider_frame_funcs, plane_is_far
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, contact_tables, read_type, slot_type
-from wsim.kernels.math.marks import kernel_over_cores, owns_points
+from wsim.kernels.math.marks import kernel_over_cores, owns_points, standalone_function
 from wsim.kernels.math.real import substep_number, types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -90,7 +90,6 @@ def box_about_ball(center: wp.vec3f, radius: float):
 @cache
 def tree_root_kernel(module):
     """Kernel over objects: the node of a tree that is above the balls of each, -1 where it has none."""
-
     def find_tree_roots(tree: wp.uint64, root_out: wp.array(dtype=int)):
         o = wp.tid()
         root_out[o] = wp.bvh_get_group_root(tree, o)
@@ -158,6 +157,7 @@ def collider_contact_func(kinds: tuple[str, ...], real, listed: bool = False, cl
         from wsim.kernels.contact.candidates import mesh_clearance_func
         is_far = mesh_clearance_func(real)
 
+    @standalone_function
     @wp.func
     def point_collider_contact(c: Rows, points: Points, at: wp.vec3i, deep: int, x: t.vec3, d: t.vec3):
         row = at[0]
