@@ -76,8 +76,8 @@ def test_a_kernel_with_an_entry_in_the_table_has_that_adjoint():
 
 
 @pytest.mark.parametrize("solver, known", [("explicit", {"leapfrog_kernel"}),
-                                           ("xpbd", {"euler_prediction_kernel", "euler_finish_kernel"}),
-                                           ("implicit", {"euler_prediction_kernel", "euler_finish_kernel"})])
+                                           ("xpbd", {"predict_euler_f32_over_cores", "finish_euler_f32_over_cores"}),
+                                           ("implicit", {"predict_euler_f32_over_cores", "finish_euler_f32_over_cores"})])
 def test_kernels_have_entries_where_gradients_are_asked_for(solver, known):
     scene = Scene(solver=solver, integrator="leapfrog" if solver == "explicit" else "backward_euler")
     scene.pin("/pin", scene.net("/net", [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0, 1]], [10.0], [1.0, 1.0]), [0])

@@ -47,7 +47,7 @@ class SpinReturn:
                        Stage("spin", "finish", self.give_back, 4, 18 * size, what="angular momentum that Euler's steps take")]
 
     def entries(self, point: np.ndarray) -> dict:
-        """Which members of the clusters each point is."""
+        """Members of the clusters that each point is."""
         order = np.argsort(self.table.point, kind="stable")
         ends = np.searchsorted(self.table.point[order], np.stack([point, point + 1]))
         first = group_starts(ends[1] - ends[0])
