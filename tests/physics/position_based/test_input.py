@@ -211,6 +211,31 @@ def test_wrong_stages_get_a_line(tmp_path, text, more, said):
     assert len(lines) == 1 and lines[0].startswith("/p") and len(lines[0]) <= 300
 
 
+def test_points_under_a_scale_are_told(tmp_path):
+    points = "point3f[] points = [(0, 0, 0)]\n float[] widths = [1]\n double3 xformOp:scale = (2, 2, 2)\n"
+    text = STAGE.format(kind="Points", beside="", text=points, start=0, end=2)
+    file = tmp_path / "p.usda"
+    file.write_text(text.replace('["xformOp:translate"]', '["xformOp:translate", "xformOp:scale"]'))
+    assert any("scales by 2, and the radii" in note for note in map(str, wsim.load(file).notes))
+
+
+def test_a_bound_physics_material_says_what_own_attributes_do_not(tmp_path):
+    """The stage is in centimetres and kilograms; a density of 0 says nothing in UsdPhysics."""
+    bound = CUBE + """rel material:binding:physics = </p/stuff>
+        double wsim:particles:staticFriction = 0.9
+        def Material "stuff" (prepend apiSchemas = ["PhysicsMaterialAPI"])
+        {{
+            float physics:staticFriction = 0.1
+            float physics:dynamicFriction = 0
+            float physics:density = {}
+        }}
+    """
+    heavy, plain = (load_stage(tmp_path, bound.format(density), beside=', "MaterialBindingAPI"').things("Particles")[0].material
+                    for density in ("0.004", "0"))
+    assert (heavy.static_friction, heavy.dynamic_friction, heavy.density) == (0.9, 0.0, pytest.approx(4000.0))
+    assert plain.density == Grains().density
+
+
 def test_a_stage_in_centimetres_with_z_up_falls_as_one_in_metres(tmp_path):
     """A cube of 10 cm of grains of 1 cm, 20 cm high; time codes that run backward are told, and frames are simulated."""
     scene = load_stage(tmp_path, CUBE, start=48, end=0)

@@ -14,16 +14,18 @@ from wsim.physics.position_based.filling import fill_with_particles
 from wsim.physics.position_based.objects import MATERIALS, Particles
 from wsim.physics.position_based.usd.physx import PhysxHints, read_physx_hints
 from wsim.scene import Plane, SceneError
+from wsim.scene.values.table import FRICTION
 from wsim.usd import names
 from wsim.usd.attributes import author_attribute as write_value
 from wsim.usd.attributes import read_attribute, to_usd_array
+from wsim.usd.prims.fabric import bound_physics_material
 from wsim.usd.stage import StageReading, StageUnits, applied_schemas
 from wsim.usd.transforms import author_motion, read_placement
 
 POURS = ("pour_start", "pour_end", "pour_rate")
 OTHERS = (names.RIGID_BODY, names.WSIM_GRAINS, names.WSIM_DRAIN, names.SURFACE_SIM, names.VOLUME_SIM, names.WSIM_SHAPES)
 SHAPES = "Points, a closed Mesh, a Cube, Sphere, Capsule, Cylinder or Cone"
-UNLIKE = 1e-3              # of a radius by which widths and a rest offset may differ unsaid
+UNLIKE = 1e-3              # of a radius by which widths and a rest offset, or a scale and 1, may differ unsaid
 
 
 def within(reading: StageReading, prim: Usd.Prim) -> list:
@@ -105,8 +107,13 @@ def _load_points(reading: StageReading, prim: Usd.Prim, material: Any, hints: Ph
     if reach is None:
         reading.fail(path, "has neither widths nor wsim:particles:radius; author the diameters of its particles as widths")
         return None
-    return Particles(path, np.zeros((0, 3), np.float32) if points is None else points, reach, material,
-                     read_placement(reading, prim).motion, velocities, _read_colors(reading, prim, n), None,
+    motion = read_placement(reading, prim).motion
+    scale = float(np.cbrt(abs(np.linalg.det(motion.at(0.0)[:3, :3]))))
+    if abs(scale - 1.0) > UNLIKE:
+        reading.warn(path, f"its transform scales by {scale:.3g}, and the radii of its particles are not scaled; scale its "
+                     "points and widths themselves")
+    return Particles(path, np.zeros((0, 3), np.float32) if points is None else points, reach, material, motion, velocities,
+                     _read_colors(reading, prim, n), None,
                      velocity if velocity is not None and np.any(velocity) and velocities is None else None)
 
 
@@ -130,8 +137,8 @@ def _read_colors(reading: StageReading, prim: Usd.Prim, count: int) -> np.ndarra
 
 
 def _read_material(reading: StageReading, prim: Usd.Prim, name: str, hints: PhysxHints) -> Any:
-    """The material that attributes wsim:particles: say, and hints where they say nothing; None if they name none that there is
-    (reported)."""
+    """The material that attributes wsim:particles: say; where they say nothing, hints, then a bound PhysicsMaterialAPI. None if
+    they name none that there is (reported)."""
     if name not in MATERIALS:
         reading.fail(prim.GetPath(), f"wsim:particles:material is '{name}'; allowed is one of {', '.join(MATERIALS)}; author "
                      "one of these")
@@ -144,6 +151,11 @@ def _read_material(reading: StageReading, prim: Usd.Prim, name: str, hints: Phys
                       ("surface_tension", hints.tension)):
         if values.get(key, 0.0) is None:
             values[key] = hint
+    bound = bound_physics_material(reading, prim)
+    for key in ("density", *FRICTION) if bound else ():
+        if values.get(key, 0.0) is None:
+            found = read_attribute(bound, "Friction", key, reading.units)
+            values[key] = None if key == "density" and found == 0.0 else found     # 0 says nothing there, as in UsdPhysics
     return kind(**{key: value for key, value in values.items() if value is not None})
 
 
